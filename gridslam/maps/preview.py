@@ -1,8 +1,8 @@
-"""Picture of a map with walls, free space, the path and marks on it, in axes of metres."""
+"""Picture of a map: walls, free space, the path and marks on it, within axes in metres."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TypeAlias
@@ -14,6 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.picture import ink
+from gridslam.maps.picture.cells import Tint, apply_tint, cell_colours
 from gridslam.maps.picture.ink import Canvas, Colour
 from gridslam.maps.picture.sheet import (
     LegendEntry,
@@ -28,17 +29,7 @@ from gridslam.maps.picture.sheet import (
 from gridslam.maps.picture.window import MapWindow, choose_windows
 
 Floats = NDArray[np.float64]
-Opacity: TypeAlias = NDArray[np.float32]
 Footprint: TypeAlias = tuple[Floats, Colour, str]  # corners (k, 2) in the map frame, colour, name
-
-
-@dataclass(frozen=True, slots=True)
-class Tint:
-    """A colour over cells of the map: opacities in [0, 1] of any rows and columns, and what the legend calls it."""
-
-    opacity: Callable[[slice, slice], Opacity]
-    colour: Colour
-    name: str
 
 
 CELLS = (
@@ -47,18 +38,16 @@ CELLS = (
     LegendEntry("area", ink.UNKNOWN, "unknown"),
 )
 BAND_OPACITY, PARTICLE_OPACITY, FOOTPRINT_OPACITY = 0.45, 0.6, 0.5
-BLOCKS_AT_ONCE = 16  # rows of a shrunk map that are made at once: large maps take much memory
 BAND_STDS = 2.0  # half width of the band of uncertainty, in standard deviations
-WALL_PROBABILITY = 0.5  # probability from which a cell has no tint
-MAX_JUMP_M = 2.0  # poses farther apart than this are not joined by a line where the robot is lost
+MAX_JUMP_M = 2.0  # untrusted poses that are farther apart than this are not joined by a line
 
 
 @dataclass(frozen=True, slots=True)
 class PathMarks:
-    """Marks on the n poses of a path: distrusted poses, uncertainty and loops.
+    """Marks on the n poses of a path; an empty array draws nothing.
 
-    `is_untrusted` `(n,)`: the method does not believe these poses. `std_m` `(n,)`: standard deviation of the position, NaN where
-    it is unknown. `loops` `(k, 2, 2)`: pairs of positions that loop closures join.
+    `is_untrusted` `(n,)`: whether the method does not trust a pose. `std_m` `(n,)`: standard deviation of the position, NaN if
+    unknown. `loops` `(k, 2, 2)`: pairs of positions (x, y) that loop closures join.
     """
 
     is_untrusted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
@@ -117,10 +106,10 @@ def render_map(
 
 @dataclass(frozen=True, slots=True)
 class _Style:
-    """Sizes that are the same in all pieces of a picture."""
+    """Settings that are the same in all pieces of a picture."""
 
-    step_m: float
-    line_px: float
+    step_m: float  # between the ticks
+    line_px: float  # width of the path
     text_px: int
     with_grid: bool
 
@@ -128,10 +117,10 @@ class _Style:
 def _piece(
     grid: OccupancyGrid, window: MapWindow, layers: _Layers, tints: Sequence[Tint], style: _Style
 ) -> tuple[Image.Image, bool]:
-    """A window with its axes, and whether the origin of the map frame lies in it."""
-    canvas = _cells(grid, window)
+    """The picture of a window, with its axes, and whether the origin of the map frame lies in it."""
+    canvas = cell_colours(grid, window)
     for tint in tints:
-        _apply_tint(canvas, tint, grid, window)
+        apply_tint(canvas, tint, grid, window)
     if style.with_grid:
         draw_grid(canvas, window, style.step_m)
     layers.draw(canvas, window, style.line_px, style.text_px)
@@ -158,11 +147,11 @@ class _Path:
         return _Path(poses[kept, :2], untrusted[kept], std[kept], marks.loops)
 
     def runs(self) -> list[tuple[bool, int, int]]:
-        """Parts of the path that are trusted or not: whether untrusted, first index, one past the last."""
+        """The runs of poses to draw as one line each: (whether untrusted, first index, one past the last)."""
         if not len(self.xy):
             return []
         changes = np.flatnonzero(np.diff(self.is_untrusted)) + 1
-        # A robot that is found elsewhere did not drive there.
+        # A lost robot that is found elsewhere did not drive there in a straight line.
         jumps = np.hypot(*np.diff(self.xy, axis=0).T) > MAX_JUMP_M
         either = self.is_untrusted[1:] | self.is_untrusted[:-1]
         cuts = np.flatnonzero(jumps & either) + 1
@@ -180,7 +169,7 @@ class _Layers:
     footprints: Sequence[Footprint]
 
     def legend(self) -> list[LegendEntry]:
-        """The entries of what is there."""
+        """The entries of the layers that are not empty."""
         path = self.path
         trusted = len(path.xy) and not path.is_untrusted.all()
         entries = [
@@ -194,7 +183,7 @@ class _Layers:
         return [entry for is_there, entry in entries if is_there]
 
     def draw(self, canvas: Canvas, window: MapWindow, line_px: float, text_px: int) -> None:
-        """Draw all on the cells of a window."""
+        """Draw all layers, but for the ends of the path, on the cells of a window."""
         if len(self.particles):
             at = window.pixels(self.particles)
             ink.translucent(canvas, PARTICLE_OPACITY, lambda c: ink.dots(c, at, ink.PARTICLES, 0.6 * line_px))
@@ -228,91 +217,16 @@ class _Layers:
 
 
 def _is_jump(xy: Floats, index: int) -> bool:
+    """Whether a position `(n, 2)` is farther than MAX_JUMP_M from the one before it."""
     return bool(np.hypot(*(xy[index] - xy[index - 1])) > MAX_JUMP_M)
 
 
 def _finite_xy(rows: Floats | None) -> Floats:
+    """The finite positions `(m, 2)` among points `(n, 2)` or poses `(n, 3)`."""
     if rows is None or not len(rows):
         return np.zeros((0, 2))
     xy = np.asarray(rows, dtype=np.float64)[:, :2]
     return np.asarray(xy[np.isfinite(xy).all(axis=1)])
-
-
-def _cells(grid: OccupancyGrid, window: MapWindow) -> Canvas:
-    """The cells as colours; a shrunk map shows the most occupied cell of each block, so that walls remain visible."""
-    shrink = _shrink(window)
-    rows, cols = (window.row1 - window.row0) // shrink, (window.col1 - window.col0) // shrink
-    colours: Canvas = np.empty((rows, cols, 3), np.uint8)
-    top = rows
-    for cells in _blocks(grid, window):
-        colours[top - len(cells) : top] = _colours_of(cells)[::-1]
-        top -= len(cells)
-    return colours if colours.shape[1::-1] == window.size_px else np.array(_enlarged(colours, window))
-
-
-def _colours_of(cells: NDArray[np.float32]) -> Canvas:
-    """The colours of probabilities; -1: unknown."""
-    steps = np.rint(np.clip(cells, 0.0, 1.0) * 255.0).astype(np.uint8)
-    occupancy = np.arange(256)[:, None] / 255.0
-    table = np.rint(np.asarray(ink.FREE) * (1.0 - occupancy) + np.asarray(ink.WALL) * occupancy)
-    colours = table.astype(np.uint8)[steps]
-    colours[cells < 0.0] = ink.UNKNOWN
-    return np.asarray(colours)
-
-
-def _apply_tint(canvas: Canvas, tint: Tint, grid: OccupancyGrid, window: MapWindow) -> None:
-    """Blend a tint over the cells that are not walls."""
-    shown = np.concatenate(list(_blocks(grid, window, tint)))[::-1]
-    cells = np.clip(shown, 0.0, 1.0)
-    opacity = (
-        np.asarray(_enlarged(np.rint(255.0 * cells).astype(np.uint8), window), np.float64)[..., None] / 255.0
-    )
-    canvas[:] = np.rint((1.0 - opacity) * canvas + opacity * np.asarray(tint.colour))
-
-
-def _blocks(
-    grid: OccupancyGrid, window: MapWindow, tint: Tint | None = None
-) -> Iterator[NDArray[np.float32]]:
-    """The probabilities of a window in blocks of rows, the lowest first; of a shrunk map the highest of each block. -1: unknown.
-
-    With a tint its opacities, which are 0 where there is a wall.
-    """
-    k = _shrink(window)
-    at_once = k * BLOCKS_AT_ONCE
-    for first in range(window.row0, window.row1, at_once):
-        rows = first, min(first + at_once, window.row1)
-        yield _highest_of_blocks(grid.probability, tint, rows, (window.col0, window.col1), k)
-
-
-def _shrink(window: MapWindow) -> int:
-    """Rows, and columns, of cells that are one pixel of a shrunk map; 1 if it is not shrunk."""
-    return round(1.0 / window.zoom) if window.zoom < 1.0 else 1
-
-
-def _enlarged(cells: NDArray[np.uint8], window: MapWindow) -> Image.Image:
-    return Image.fromarray(np.ascontiguousarray(cells)).resize(window.size_px, Image.Resampling.NEAREST)
-
-
-def _highest_of_blocks(
-    probability: NDArray[np.float32],
-    tint: Tint | None,
-    row_limits: tuple[int, int],
-    col_limits: tuple[int, int],
-    k: int,
-) -> NDArray[np.float32]:
-    """The highest value of each block of k x k cells within the limits, which may lie outside; -1: unknown."""
-    (row0, row1), (col0, col1) = row_limits, col_limits
-    cells = np.full((row1 - row0, col1 - col0), -1.0, np.float32)
-    rows, cols = probability.shape
-    r0, r1, c0, c1 = max(row0, 0), min(row1, rows), max(col0, 0), min(col1, cols)
-    if r0 < r1 and c0 < c1:
-        part = np.nan_to_num(probability[r0:r1, c0:c1], nan=-1.0)
-        if tint is not None:
-            part = np.where(part >= WALL_PROBABILITY, 0.0, tint.opacity(slice(r0, r1), slice(c0, c1)))
-        cells[r0 - row0 : r1 - row0, c0 - col0 : c1 - col0] = part
-    if k == 1:
-        return cells
-    return np.asarray(cells.reshape(cells.shape[0] // k, k, cells.shape[1] // k, k).max(axis=(1, 3)))
 
 
 def _draw_footprint(

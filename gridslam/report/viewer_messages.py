@@ -9,7 +9,7 @@ from gridslam.core.poses import quaternion_of_yaw
 from gridslam.core.stamps import split_stamp
 from gridslam.logs.encoding.cdr import CdrWriter
 from gridslam.logs.encoding.encoded import Encoded
-from gridslam.maps.map_server import cells_of_grid
+from gridslam.maps.map_cells import cells_of_grid
 from gridslam.maps.occupancy import OccupancyGrid
 
 MAP_FRAME = "map"

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from gridslam.core.errors import ConfigError, MapError
-from gridslam.maps.map_server import cells_of_grid, load_map, save_map
+from gridslam.maps.map_cells import cells_of_grid
+from gridslam.maps.map_server import load_map, save_map
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
 YAML = "image: map.{kind}\nmode: {mode}\nresolution: 0.05\norigin: [1, 2, 0]\nnegate: {negate}\n"

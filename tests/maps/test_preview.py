@@ -7,10 +7,11 @@ import pytest
 
 from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+from gridslam.maps.picture.cells import Tint
 from gridslam.maps.picture.ink import END, FREE, LOOP, PATH, START, UNKNOWN, UNTRUSTED, WALL
 from gridslam.maps.picture.sheet import tick_step_m
 from gridslam.maps.picture.window import choose_windows
-from gridslam.maps.preview import PathMarks, Tint, render_map
+from gridslam.maps.preview import PathMarks, render_map
 
 
 def room(rows: int = 30, cols: int = 40, resolution_m: float = 0.1) -> OccupancyGrid:

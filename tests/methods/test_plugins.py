@@ -227,7 +227,10 @@ def test_whatever_a_method_of_a_package_raises_names_the_package(
         ("series={'s': Series(np.array([1, 2]), np.zeros(3))}", r"not arrays \(n,\)"),
         ("series={'s': Series(np.array([1]), np.array(['a']))}", "values are not numbers"),
         ("position_std=5", "series that is not a Series"),
-        ("layers={'l': GridLayer(np.array([[None]]), GridGeometry(0.1, (0.0, 0.0)))}", "not an array of numbers"),
+        (
+            "layers={'l': GridLayer(np.array([[None]]), GridGeometry(0.1, (0.0, 0.0)))}",
+            "not an array of numbers",
+        ),
         (
             "occupancy=OccupancyGrid(np.ma.masked_array(np.ones((2, 2)), True), GridGeometry(0.1, (0.0, 0.0)))",
             "not a plain array, but a MaskedArray",

@@ -25,8 +25,8 @@ MIN_DIFFERENT = 8  # number of the first scans that differ, which shows how ofte
 class ScanPlausibility:
     """Repairs the scans of one stream; each kind of repair is counted as `repaired.scan.<what>` and noted once.
 
-    `stamps_ns` are those of the stream, `label` its name in messages to the user. `sweep_s` is the time of a sweep for scans that say none.
-    `first` are the first scans, by which the unit of the readings and the code for no return are found.
+    `stamps_ns` are those of the stream, `label` its name in messages to the user. `sweep_s` is the duration of a sweep, for scans
+    that do not state it. `first` are the first scans; they show the unit of the readings and the code for no return.
     """
 
     def __init__(

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import OccupancyGrid
-from gridslam.maps.preview import Opacity, PathMarks, Tint, render_map
+from gridslam.maps.picture.cells import Opacity, Tint
+from gridslam.maps.preview import PathMarks, render_map
 from gridslam.methods.base import Picture
 from gridslam.sensors.floor_cells import CELLS_AT_ONCE, FloorCells
 
