@@ -12,10 +12,11 @@ from gridslam.core.stamps import END_S
 from gridslam.evaluation import document as measures
 from gridslam.evaluation.alignment import Align
 from gridslam.evaluation.association import DEFAULT_MAX_GAP_NS, Sync
-from gridslam.evaluation.document import EvaluationOptions, Result, Truth
 from gridslam.evaluation.gates import Gate, answers, check_keys, failures, measures_of, parse_gate
 from gridslam.evaluation.headline import headline, text_of, unit_of
+from gridslam.evaluation.inputs import EvaluationOptions, Result, Truth
 from gridslam.evaluation.pose_errors import Delta, DeltaUnit
+from gridslam.evaluation.pose_pairs import aligned_pairs
 from gridslam.evaluation.readers.from_files import load_result, load_truth
 from gridslam.evaluation.readers.run_files import read_consistency, run_command_of
 from gridslam.evaluation.remarks.sanity import check_pairs, remarks_of
@@ -191,7 +192,7 @@ def _write(
     assert request.output is not None
     trajectories = [
         EvaluatedTrajectory(
-            one.name, measures.aligned_pairs(one.result.trajectory, one.truth.trajectory, one.options)
+            one.name, aligned_pairs(one.result.trajectory, one.truth.trajectory, one.options)[0]
         )
         for one in evaluated
         if one.result.trajectory is not None and one.truth.trajectory is not None

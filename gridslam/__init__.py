@@ -46,7 +46,7 @@ PUBLIC = {
     "Segment": "gridslam.planning.path",
     # Evaluation
     "evaluate": "gridslam.api",
-    "EvaluationOptions": "gridslam.evaluation.document",
+    "EvaluationOptions": "gridslam.evaluation.inputs",
     "Delta": "gridslam.evaluation.pose_errors",
     # What a method is made of
     "Method": "gridslam.methods.base",
@@ -100,7 +100,7 @@ if TYPE_CHECKING:
     from gridslam.core.errors import MethodError as MethodError
     from gridslam.core.random import random_stream as random_stream
     from gridslam.core.trajectory import Trajectory as Trajectory
-    from gridslam.evaluation.document import EvaluationOptions as EvaluationOptions
+    from gridslam.evaluation.inputs import EvaluationOptions as EvaluationOptions
     from gridslam.evaluation.pose_errors import Delta as Delta
     from gridslam.logs.config import LogConfig as LogConfig
     from gridslam.logs.log import Log as Log

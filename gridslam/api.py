@@ -17,7 +17,7 @@ from pydantic import BaseModel
 from gridslam.core.errors import ConfigError
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation import document as measures
-from gridslam.evaluation.document import EvaluationOptions
+from gridslam.evaluation.inputs import EvaluationOptions, Result
 from gridslam.evaluation.readers.files import read_trajectory
 from gridslam.evaluation.readers.from_files import load_result, load_truth
 from gridslam.evaluation.readers.run_files import run_command_of
@@ -256,7 +256,7 @@ def evaluate(
     """
     true = load_truth(*(None if p is None else Path(p) for p in (truth, truth_map, relations, truth_objects)))
     if isinstance(result, FinishedRun):
-        found = measures.Result(trajectory=result.trajectory, occupancy=result.map)
+        found = Result(trajectory=result.trajectory, occupancy=result.map)
         is_mapped = result.run.command != "localize"
     else:
         found = load_result(Path(result), true)

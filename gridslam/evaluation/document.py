@@ -1,33 +1,25 @@
-"""All measures of a result as a nested document; gates name a measure by its dotted key, such as `ape.trans.rmse`."""
+"""All measures of a result as a nested document. Gates name a measure by its dotted key, such as `ape.trans.rmse`."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core.errors import InputError
-from gridslam.core.stamps import format_stamp
 from gridslam.core.trajectory import Trajectory
-from gridslam.evaluation.alignment import Align, Alignment, find_alignment
-from gridslam.evaluation.association import (
-    DEFAULT_MAX_DIFFERENCE_NS,
-    DEFAULT_MAX_GAP_NS,
-    Pairs,
-    Sync,
-    associate,
-)
+from gridslam.evaluation.alignment import Alignment
+from gridslam.evaluation.association import Pairs
+from gridslam.evaluation.inputs import EvaluationOptions, Result, Truth
 from gridslam.evaluation.kitti_errors import kitti_errors
 from gridslam.evaluation.localization import judge_localization
 from gridslam.evaluation.map_errors import intersection_over_union, log_loss, wall_distances
 from gridslam.evaluation.map_registration import MapRegistration, register_maps
 from gridslam.evaluation.object_errors import MapObject, object_errors
-from gridslam.evaluation.pose_errors import Delta, PoseErrors, absolute_errors, relative_errors
-from gridslam.evaluation.readers.pose_series import PoseSeries
+from gridslam.evaluation.pose_errors import PoseErrors, absolute_errors, relative_errors
+from gridslam.evaluation.pose_pairs import aligned_pairs
 from gridslam.evaluation.relations import Relations, relation_errors
 from gridslam.evaluation.statistics import statistics
 from gridslam.maps.occupancy import OccupancyGrid
@@ -46,75 +38,21 @@ NEEDS: Mapping[str, str] = {
     "consistency": "a run directory of a method that assesses its map",
     "doors": "a run directory with objects.csv, and --truth-objects (or a --truth folder with objects.csv)",
 }
-"""First part of a key -> what these measures need."""
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """The result to evaluate; a part that is None is not evaluated."""
-
-    trajectory: Trajectory | None = None
-    occupancy: OccupancyGrid | None = None
-    probability: OccupancyGrid | None = None
-    objects: Mapping[str, MapObject] | None = None
-    series: PoseSeries | None = None  # the trajectory as its file states it, for remarks
-    consistency: Mapping[str, float | bool] | None = None  # what the run says of its own map
-
-
-@dataclass(frozen=True, slots=True)
-class Truth:
-    """The ground truth; a measure without ground truth is left out."""
-
-    trajectory: Trajectory | None = None
-    relations: Relations | None = None
-    occupancy: OccupancyGrid | None = None
-    objects: Mapping[str, MapObject] | None = None
-    series: PoseSeries | None = None  # the trajectory as its file states it, for remarks
-
-
-@dataclass(frozen=True, slots=True)
-class EvaluationOptions:
-    """Options of an evaluation: alignment, pairing of poses, length of relative motions, bounds of success."""
-
-    align: Align = "none"
-    with_scale: bool = False
-    sync: Sync = "nearest"
-    max_difference_ns: int | None = None  # None: 10 ms for `nearest`, no bound for `interpolate`
-    max_gap_ns: int = DEFAULT_MAX_GAP_NS  # between the poses that `interpolate` takes
-    time_offset_ns: int = 0  # added to the stamps of the estimate
-    delta: Delta = field(default_factory=Delta)
-    completeness_radius_m: float | None = (
-        None  # true walls farther from every known cell do not count; None: all count
-    )
-    max_position_m: float = 0.5  # bound for a successful localization and a correct object
-    max_heading_deg: float = 10.0
-
-    @property
-    def nearness(self) -> str:
-        """Condition on the stamps of paired poses, as the end of a sentence."""
-        if self.sync == "interpolate" and self.max_difference_ns is None:
-            return f"between poses of the other at most {self.max_gap_ns / 1e9:g} s apart"
-        largest = DEFAULT_MAX_DIFFERENCE_NS if self.max_difference_ns is None else self.max_difference_ns
-        return f"within {largest / 1e9:g} s of each other"
-
-    @property
-    def nearness_option(self) -> str:
-        """The command-line option that sets the bound of `nearness`."""
-        is_gap = self.sync == "interpolate" and self.max_difference_ns is None
-        return "--max-gap" if is_gap else "--max-difference"
+"""First part of a key -> the inputs that its measures need."""
 
 
 def evaluate(result: Result, truth: Truth, options: EvaluationOptions) -> Document:
     """All measures for which both result and ground truth are given, as a nested document.
 
-    Map and objects are in the frame of the trajectory, so its alignment is applied to them too. Without a true trajectory a
-    map is aligned by registration of its walls where `options.align` is `se2`.
+    Map and objects are in the frame of the trajectory, so its alignment is applied to them too. If the trajectory cannot be
+    compared and `options.align` is `se2`, the map is aligned by registration of its walls.
+
     Raises InputError: the trajectories have no stamps in common, or cannot be aligned.
     """
     document: Document = {}
     alignment = Alignment(np.zeros(3))
     if result.trajectory is not None and truth.trajectory is not None:
-        pairs, alignment = _align(result.trajectory, truth.trajectory, options)
+        pairs, alignment = aligned_pairs(result.trajectory, truth.trajectory, options)
         document |= _trajectory_measures(result.trajectory, truth.trajectory, pairs, alignment, options)
     if result.trajectory is not None and truth.relations is not None:
         document["relations"] = _relation_measures(result.trajectory, truth.relations)
@@ -136,7 +74,7 @@ def evaluate(result: Result, truth: Truth, options: EvaluationOptions) -> Docume
 
 
 def _registration(result: Result, truth: Truth, options: EvaluationOptions) -> MapRegistration | None:
-    """The registration of the maps, if nothing else relates their frames and an alignment is wanted."""
+    """The registration of the maps, if an alignment is wanted and there are no two trajectories to align."""
     if result.occupancy is None or truth.occupancy is None or options.align != "se2":
         return None
     if result.trajectory is not None and truth.trajectory is not None:
@@ -162,58 +100,23 @@ def _json_value(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _align(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions) -> tuple[Pairs, Alignment]:
-    pairs = pairs_of(estimate, truth, options)
-    if not len(pairs):
-        raise InputError(
-            f"estimate ({_span(estimate)}) and truth ({_span(truth)}) have no stamps {options.nearness}; "
-            f"a larger {options.nearness_option} pairs more"
-        )
-    alignment = find_alignment(pairs.estimate, pairs.truth, options.align, options.with_scale)
-    if alignment is None:
-        raise InputError(
-            f"the {len(pairs)} paired positions do not determine an alignment (no motion, or none in common); "
-            "use --align origin or --align none"
-        )
-    return pairs, alignment
-
-
-def pairs_of(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions) -> Pairs:
-    """The paired poses, not aligned, after the estimate's stamps were shifted by the time offset."""
-    shifted = Trajectory(estimate.stamps_ns + options.time_offset_ns, estimate.poses)
-    return associate(
-        shifted.sorted(), truth.sorted(), options.sync, options.max_difference_ns, options.max_gap_ns
-    )
-
-
-def aligned_pairs(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions) -> Pairs:
-    """The paired poses, the estimate's aligned with the ground truth. Raises InputError as `evaluate`."""
-    pairs, alignment = _align(estimate, truth, options)
-    return Pairs(pairs.stamps_ns, alignment.apply(pairs.estimate), pairs.truth)
-
-
-def _span(trajectory: Trajectory) -> str:
-    first, last = int(trajectory.stamps_ns.min()), int(trajectory.stamps_ns.max())
-    return f"{len(trajectory)} poses, {format_stamp(first)} to {format_stamp(last)} s"
-
-
 def _trajectory_measures(
     estimate: Trajectory, truth: Trajectory, pairs: Pairs, alignment: Alignment, options: EvaluationOptions
 ) -> Document:
-    aligned = Pairs(pairs.stamps_ns, alignment.apply(pairs.estimate), pairs.truth)
-    errors = absolute_errors(aligned.estimate, aligned.truth)
+    """The measures of a trajectory; `pairs` are aligned."""
+    errors = absolute_errors(pairs.estimate, pairs.truth)
     x, y, yaw = alignment.T_truth_estimate.tolist()
-    relative = relative_errors(aligned, options.delta)
+    relative = relative_errors(pairs, options.delta)
     document: Document = {
         "ape": {
-            **_both(errors),
+            **_pose_statistics(errors),
             "count": len(pairs),
             "alignment": {"kind": options.align, "x": x, "y": y, "yaw": yaw, "scale": alignment.scale},
-            "estimate": _poses(estimate),
-            "truth": _poses(truth),
+            "estimate": _pose_counts(estimate),
+            "truth": _pose_counts(truth),
         },
         "rpe": {
-            **_both(relative),
+            **_pose_statistics(relative),
             "count": len(relative.translation_m),
             "delta": options.delta.size,
             "unit": options.delta.unit,
@@ -221,7 +124,7 @@ def _trajectory_measures(
         },
         "final": {"trans": float(errors.translation_m[-1]), "rot": float(errors.rotation_deg[-1])},
     }
-    if (kitti := kitti_errors(aligned.estimate, aligned.truth)) is not None:
+    if (kitti := kitti_errors(pairs.estimate, pairs.truth)) is not None:
         document["kitti"] = {
             "t_rel": kitti.t_rel_percent,
             "r_rel": kitti.r_rel_deg_per_100m,
@@ -230,7 +133,7 @@ def _trajectory_measures(
     if options.align == "none":
         start_ns = int(estimate.stamps_ns.min()) + options.time_offset_ns
         found = judge_localization(
-            aligned.stamps_ns, errors, start_ns, options.max_position_m, options.max_heading_deg
+            pairs.stamps_ns, errors, start_ns, options.max_position_m, options.max_heading_deg
         )
         document["localization"] = {
             "success": found.success,
@@ -239,19 +142,19 @@ def _trajectory_measures(
     return document
 
 
-def _both(errors: PoseErrors) -> Document:
+def _pose_statistics(errors: PoseErrors) -> Document:
     return {"trans": statistics(errors.translation_m), "rot": statistics(errors.rotation_deg)}
 
 
-def _poses(trajectory: Trajectory) -> Document:
-    """Number of poses, and of poses that repeat an earlier stamp and are ignored."""
+def _pose_counts(trajectory: Trajectory) -> Document:
+    """Number of poses, and how many of them are ignored because they repeat an earlier stamp."""
     return {"poses": len(trajectory), "repeated_stamps": len(trajectory) - len(trajectory.sorted())}
 
 
 def _relation_measures(trajectory: Trajectory, relations: Relations) -> Document:
     found = relation_errors(trajectory, relations)
     return {
-        **_both(found.errors),
+        **_pose_statistics(found.errors),
         "count": len(found.errors.translation_m),
         "missed": found.missed,
     }

@@ -102,8 +102,9 @@ def _measure(job: RunJob) -> dict[str, float | int | bool | str | None]:
     """Measures by dotted key: report facts (`run.`), the method's measures (`method.`), errors against ground truth."""
     import json
 
-    from gridslam.evaluation.document import EvaluationOptions, evaluate, without_nan
+    from gridslam.evaluation.document import evaluate, without_nan
     from gridslam.evaluation.gates import measures_of
+    from gridslam.evaluation.inputs import EvaluationOptions
     from gridslam.evaluation.readers.from_files import load_result, load_truth
     from gridslam.report.directory import REPORT_NAME
 

@@ -12,7 +12,8 @@ from evo.core.trajectory import PoseTrajectory3D
 
 from gridslam.core.poses import quaternion_of_yaw
 from gridslam.core.trajectory import Trajectory
-from gridslam.evaluation.document import EvaluationOptions, Result, Truth, evaluate
+from gridslam.evaluation.document import evaluate
+from gridslam.evaluation.inputs import EvaluationOptions, Result, Truth
 from gridslam.evaluation.map_errors import wall_distances
 from gridslam.evaluation.relations import Relations, relation_errors
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid

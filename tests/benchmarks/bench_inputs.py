@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gridslam import api
-from gridslam.evaluation.document import EvaluationOptions
+from gridslam.evaluation.inputs import EvaluationOptions
 from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.input_kinds import KINDS, MORE_KINDS, ORDINARY, drive
 

@@ -17,7 +17,8 @@ from evo.tools import file_interface
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gridslam.evaluation.document import EvaluationOptions, evaluate
+from gridslam.evaluation.document import evaluate
+from gridslam.evaluation.inputs import EvaluationOptions
 from gridslam.evaluation.readers.from_files import load_result, load_truth
 
 Floats = NDArray[np.float64]

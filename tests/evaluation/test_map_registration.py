@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from gridslam.core import poses as se2
-from gridslam.evaluation.document import EvaluationOptions, Result, Truth, evaluate
+from gridslam.evaluation.document import evaluate
+from gridslam.evaluation.inputs import EvaluationOptions, Result, Truth
 from gridslam.evaluation.map_registration import register_maps
 from gridslam.evaluation.remarks.sanity import remarks_of
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid

@@ -11,7 +11,8 @@ from gridslam.core.errors import InputError
 from gridslam.core.poses import compose, inverse, quaternion_of_yaw
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.alignment import Align
-from gridslam.evaluation.document import EvaluationOptions, Result, Truth, evaluate
+from gridslam.evaluation.document import evaluate
+from gridslam.evaluation.inputs import EvaluationOptions, Result, Truth
 from gridslam.evaluation.readers.pose_series import PoseSeries
 from gridslam.evaluation.remarks.sanity import check_pairs, remarks_of
 

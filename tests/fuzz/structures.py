@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from gridslam import api
 from gridslam.config.builtin import read_config
 from gridslam.core.errors import GridslamError
-from gridslam.evaluation.document import EvaluationOptions
+from gridslam.evaluation.inputs import EvaluationOptions
 from gridslam.logs.log import Log
 from gridslam.logs.open import open_log
 from gridslam.maps.load import load_any_map

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gridslam.core.errors import InputError
-from gridslam.evaluation.document import Result, Truth
+from gridslam.evaluation.inputs import Result, Truth
 from gridslam.evaluation.readers.files import read_relations
 from gridslam.evaluation.readers.object_files import read_objects
 from gridslam.evaluation.readers.pose_series import PoseSeries

@@ -6,7 +6,8 @@ from typing import Any
 
 from gridslam.core.errors import InputError
 from gridslam.core.trajectory import Trajectory
-from gridslam.evaluation.document import EvaluationOptions, Result, Truth, pairs_of
+from gridslam.evaluation.inputs import EvaluationOptions, Result, Truth
+from gridslam.evaluation.pose_pairs import pairs_of
 from gridslam.evaluation.remarks.map_remarks import map_remarks
 from gridslam.evaluation.remarks.pair_remarks import no_pairs_hint, pair_remarks
 from gridslam.evaluation.remarks.series_remarks import series_remarks

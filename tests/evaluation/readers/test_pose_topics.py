@@ -11,7 +11,7 @@ from gridslam.core import poses as se2
 from gridslam.core.errors import ConfigError, InputError
 from gridslam.core.messages import AbsolutePose, Odometry, Transform, readonly
 from gridslam.core.poses import quaternion_of_yaw
-from gridslam.evaluation.document import Truth
+from gridslam.evaluation.inputs import Truth
 from gridslam.evaluation.readers.from_files import load_result
 from gridslam.evaluation.readers.pose_topics import read_topic
 from gridslam.logs.mcap.writer import McapWriter
