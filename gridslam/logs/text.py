@@ -5,7 +5,7 @@ from __future__ import annotations
 import bz2
 import gzip
 import zlib
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterable, Iterator
 from io import BufferedIOBase, BufferedReader
 from pathlib import Path
 
@@ -55,6 +55,22 @@ def beginning(path: Path, size: int = 1 << 16) -> bytes:
     except (OSError, EOFError, zlib.error):
         return text
     return text
+
+
+def in_batches(
+    lines: Iterable[tuple[int, bytes]], max_lines: int, max_bytes: int
+) -> Iterator[list[tuple[int, bytes]]]:
+    """Numbered lines in batches of at most `max_lines`; a batch ends early once it has `max_bytes`."""
+    batch: list[tuple[int, bytes]] = []
+    size = 0
+    for line in lines:
+        batch.append(line)
+        size += len(line[1])
+        if len(batch) >= max_lines or size >= max_bytes:
+            yield batch
+            batch, size = [], 0
+    if batch:
+        yield batch
 
 
 class TextLines:
