@@ -38,8 +38,9 @@ from gridslam.logs.config import LogConfig, LogLimits
 from gridslam.logs.convert import convert_log
 from gridslam.logs.kinds import TRUTH_TOPIC
 from gridslam.logs.log import Log
+from gridslam.logs.mcap.chunks import CHUNK_HEAD
 from gridslam.logs.mcap.file import McapFile
-from gridslam.logs.mcap.records import CHANNEL, CHUNK, CHUNK_HEAD, HEADER, MAGIC, MESSAGE, RECORD, SCHEMA
+from gridslam.logs.mcap.records import CHANNEL, CHUNK, HEADER, MAGIC, MESSAGE, RECORD, SCHEMA
 from gridslam.logs.mcap.summary import FOOTER_BYTES
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.open import open_log

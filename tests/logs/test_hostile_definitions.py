@@ -165,7 +165,7 @@ def test_each_further_definition_of_a_log_is_unreadable_when_there_are_too_many(
 def test_chunks_that_unpack_to_far_more_than_the_file_are_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gridslam.logs.mcap.file._ALWAYS_UNPACKED", 2_000_000)
+    monkeypatch.setattr("gridslam.logs.mcap.chunks._ALWAYS_UNPACKED", 2_000_000)
     packed = zstandard.ZstdCompressor().compress(record(0x80, bytes(1_000_000)))
     chunk = record(
         CHUNK,

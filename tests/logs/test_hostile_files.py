@@ -25,8 +25,9 @@ from gridslam.core.errors import ConfigError, InputError, LogError
 from gridslam.core.messages import Imu, LaserScan, Odometry, Transform
 from gridslam.evaluation.readers.object_files import read_objects
 from gridslam.logs import open_log, open_writer
+from gridslam.logs.mcap.chunks import CHUNK_HEAD
 from gridslam.logs.mcap.file import McapFile
-from gridslam.logs.mcap.records import CHANNEL, CHUNK, CHUNK_HEAD, HEADER, MAGIC, MESSAGE, SCHEMA
+from gridslam.logs.mcap.records import CHANNEL, CHUNK, HEADER, MAGIC, MESSAGE, SCHEMA
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.definitions import BadDefinitionError, checked_types, is_valid
 from gridslam.logs.ros.encode import encode

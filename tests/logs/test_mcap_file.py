@@ -11,8 +11,9 @@ from mcap.writer import CompressionType, IndexType, Writer
 
 from gridslam.core.errors import LogError
 from gridslam.logs import LogConfig, open_log
+from gridslam.logs.mcap.chunks import unpack
 from gridslam.logs.mcap.file import McapFile
-from gridslam.logs.mcap.records import CHUNK, MAGIC, unpack
+from gridslam.logs.mcap.records import CHUNK, MAGIC
 from gridslam.logs.message_counts import MessageCounts
 from tests.logs.mutations import SCANS, read, sample_mcap, whole_chunk_messages
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import IO
 
-from gridslam.logs.mcap.records import CHUNK, DATA_END, FOOTER, KNOWN_OPCODES, RECORD, is_chunk_body
+from gridslam.logs.mcap.chunks import is_chunk_body
+from gridslam.logs.mcap.records import CHUNK, DATA_END, FOOTER, KNOWN_OPCODES, RECORD
 
 _FIRST_BLOCK, _MAX_BLOCK = 1 << 12, 1 << 20
 _RECORDS_IN_A_ROW = 3  # this many places in a row that look like records are not there by chance

@@ -8,20 +8,48 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import IO
 
-from gridslam.logs.mcap.records import FOOTER, MAGIC, RECORD, exactly
+from gridslam.logs.mcap.records import CHUNK_INDEX, FOOTER, MAGIC, RECORD, STATISTICS, exactly
 
 FOOTER_BYTES = RECORD.size + 20 + len(MAGIC)
 
 
 @dataclass(frozen=True, slots=True)
+class Statistics:
+    """Number of messages in the file; log times (ns) of the first and the last, None if not stated."""
+
+    messages: int
+    span_ns: tuple[int, int] | None
+
+
+@dataclass(frozen=True, slots=True)
 class Summary:
-    """The bytes of the summary, at `start` in the file; empty where there is none, or where its checksum is wrong."""
+    """The bytes of the summary, at `start` in the file; empty if there is none, or if its checksum is wrong."""
 
     start: int
     data: bytes
 
+    def statistics(self) -> Statistics | None:
+        """The statistics; None if the summary has none."""
+        found = None
+        for opcode, body in self.records():
+            if opcode == STATISTICS and len(body) >= 8:
+                messages = int.from_bytes(body[:8], "little")
+                span_ns = found.span_ns if found is not None else None
+                if len(body) >= 42 and messages:
+                    span_ns = int.from_bytes(body[26:34], "little"), int.from_bytes(body[34:42], "little")
+                found = Statistics(messages, span_ns)
+        return found
+
+    def chunk_offsets(self) -> list[int]:
+        """Places of the chunks in the file, ascending."""
+        return sorted(
+            int.from_bytes(body[16:24], "little")
+            for opcode, body in self.records()
+            if opcode == CHUNK_INDEX and len(body) >= 24
+        )
+
     def records(self) -> Iterator[tuple[int, bytes]]:
-        """(opcode, body) of each record, up to one that is cut."""
+        """(opcode, body) of each record; the end of a cut one is not returned."""
         position = 0
         while position + RECORD.size <= len(self.data):
             opcode, length = RECORD.unpack_from(self.data, position)
@@ -33,7 +61,7 @@ class Summary:
 
 
 def read_summary(stream: IO[bytes], size: int, limit_bytes: int) -> Summary | None:
-    """The summary of a file of `size` bytes; None where the file does not end with a footer: it is incomplete."""
+    """The summary of a file of `size` bytes; None if the file does not end with a footer, so that it is incomplete."""
     if size < len(MAGIC) + FOOTER_BYTES:
         return None
     footer_at = size - FOOTER_BYTES
