@@ -1,7 +1,7 @@
-"""The angle between the beams of a lidar, by the turns of the robot.
+"""The angle between neighbouring beams of a lidar (its step), found from turns of the robot.
 
-When the robot turns by an angle, what it sees moves by as many beams as the angle has steps. The odometry knows the angle; of
-several steps between beams the one fits with which readings of one bearing agree.
+When the robot turns on the spot, the readings move along the scan: by the angle of the turn, which the odometry measures, divided
+by the step. With the right step, the readings before and after the turn agree once they are shifted back.
 """
 
 from __future__ import annotations
@@ -15,14 +15,15 @@ from numpy.typing import NDArray
 Pose = tuple[float, float, float]
 Readings = NDArray[np.float32]
 
-# Between the scans of a pair: several beams, and most of the view in common
+# Rotation between the scans of a pair: several beams, but most of the view is in both
 MIN_ROTATION_RAD, MAX_ROTATION_RAD = 0.1, 0.5
-MAX_MOVE_M = 0.1  # largest movement in between: readings change by no more
+MAX_MOVE_M = 0.1  # largest movement between the scans of a pair; readings change by at most as much
 MIN_PAIRS, MAX_PAIRS = 20, 300
 MIN_COMMON_BEAMS = 20
-NEAR_M = 20.0  # readings beyond are left out: the laser may mean no return
+NEAR_M = 20.0  # larger readings are ignored: they may be codes for no return
 FLOOR_M = 0.02  # noise of a reading, added to differences
-# Of another step to the assumed one: right ones have 0.55 to 0.75, wrong ones on public logs 0.93
+# Largest cost of another step, relative to that of the assumed one. On public logs, right steps have 0.55 to 0.75 and wrong ones
+# at least 0.93.
 MAX_COST_RATIO = 0.8
 
 
@@ -34,7 +35,7 @@ class TurnedPairs:
         self._pairs: list[tuple[float, Readings, Readings]] = []
 
     def add(self, pose: Pose, ranges: Readings) -> None:
-        """Take in the next scan, with the robot's pose (m, rad) by its odometry."""
+        """Add the next scan, with the robot's pose (m, rad) by odometry."""
         if len(self._pairs) >= MAX_PAIRS:
             return
         if self._first is None:
@@ -56,7 +57,7 @@ class TurnedPairs:
         others_rad: Iterable[float],
         max_cost_ratio: float = MAX_COST_RATIO,
     ) -> float | None:
-        """The one of the other steps (rad) between `beams` that fits clearly better than the assumed one; None: none does."""
+        """The other step (rad) with which scans of `beams` beams agree clearly better than with the assumed one; None: none."""
         pairs = [pair for pair in self._pairs if len(pair[1]) == beams]
         if len(pairs) < MIN_PAIRS:
             return None
@@ -67,7 +68,7 @@ class TurnedPairs:
 
 
 def _cost(pairs: Iterable[tuple[float, Readings, Readings]], step_rad: float) -> float:
-    """Mean over pairs of the median difference (m) of readings of one bearing; infinite with too little in common."""
+    """Mean over pairs of the median difference (m) between readings at one bearing; infinite if too few pairs overlap."""
     costs = []
     for rotation_rad, first, second in pairs:
         shift = round(rotation_rad / step_rad)

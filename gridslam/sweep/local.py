@@ -56,7 +56,7 @@ def run_locally(jobs: Sequence[Job], processes: int, stop: Stop) -> Iterator[tup
 
 @dataclass(slots=True)
 class _Worker:
-    """A process, this side of the pipe to it, and the index of its present job."""
+    """A worker process, this end of the pipe to it, and the index of the job it is working on."""
 
     process: SpawnProcess
     pipe: Connection
@@ -74,11 +74,13 @@ class _Worker:
         return _Worker(process, parent_end)
 
     def send(self, index: int, job: Job) -> None:
+        """Give the process a job, which has this index."""
         self.job = index
         with suppress(OSError):  # it died while idle; `result` detects this
             self.pipe.send(job)
 
     def result(self) -> JobResult:
+        """Wait for the result of the job; if the process has died, a failure, and `is_lost` is set."""
         self.job = None
         try:
             result = self.pipe.recv()
@@ -101,6 +103,7 @@ class _Worker:
 
 
 def _exit_reason(exit_code: int | None) -> str:
+    """The reason why a process ended, in words."""
     if exit_code is not None and exit_code < 0:
         name = signal.Signals(-exit_code).name
         why = " (out of memory? try fewer --jobs)" if -exit_code == signal.SIGKILL else ""

@@ -1,4 +1,4 @@
-"""The angle between beams by the turns of a robot in a room whose walls are known."""
+"""The angle between beams, found from scans of a robot that turns in a room with known walls."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from tests.small_log import wall_ranges
 BEAMS = 361
 
 
-def turned(width_deg: float, scans: int = 40) -> TurnedPairs:
-    """A robot that turns on the spot by 0.2 rad from scan to scan; its beams cover `width_deg`."""
+def scans_of_a_turn(width_deg: float, scans: int = 40) -> TurnedPairs:
+    """Scans of a robot that turns on the spot by 0.2 rad from scan to scan; the beams cover `width_deg`."""
     pairs = TurnedPairs()
     bearings = np.radians(np.linspace(-0.5 * width_deg, 0.5 * width_deg, BEAMS))
     for k in range(scans):
@@ -26,11 +26,16 @@ def turned(width_deg: float, scans: int = 40) -> TurnedPairs:
 @pytest.mark.parametrize("width_deg", [240.0, 270.0, 360.0])
 def test_the_step_with_which_the_readings_agree_is_found(width_deg: float) -> None:
     steps = [math.radians(width) / (BEAMS - 1) for width in (180.0, 240.0, 270.0, 360.0)]
-    found = turned(width_deg).better_step(BEAMS, steps[0], steps[1:])
+    found = scans_of_a_turn(width_deg).better_step(BEAMS, steps[0], steps[1:])
     assert found == pytest.approx(math.radians(width_deg) / (BEAMS - 1))
 
 
-def test_a_right_step_is_kept_and_few_pairs_are_no_evidence() -> None:
+def test_no_other_step_is_better_than_the_right_one() -> None:
     steps = [math.radians(width) / (BEAMS - 1) for width in (180.0, 240.0)]
-    assert turned(180.0).better_step(BEAMS, steps[0], steps[1:]) is None
-    assert turned(240.0, scans=MIN_PAIRS).better_step(BEAMS, steps[0], steps[1:]) is None
+    assert scans_of_a_turn(180.0).better_step(BEAMS, steps[0], steps[1:]) is None
+
+
+def test_a_wrong_step_is_kept_if_there_are_too_few_pairs() -> None:
+    steps = [math.radians(width) / (BEAMS - 1) for width in (180.0, 240.0)]
+    too_few = scans_of_a_turn(240.0, scans=MIN_PAIRS)  # one pair fewer
+    assert too_few.better_step(BEAMS, steps[0], steps[1:]) is None

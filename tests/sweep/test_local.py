@@ -1,4 +1,4 @@
-"""A sweep on real processes: they share the work, and a death among them costs one run."""
+"""A sweep on real processes. If one of them is killed, only its run fails."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def sweep(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command(*arguments), capture_output=True, text=True, timeout=240)
 
 
-def children(pid: int) -> list[int]:
-    """The working processes of a sweep (its resource tracker aside)."""
+def workers_of(pid: int) -> list[int]:
+    """The worker processes of a sweep, without Python's resource tracker."""
     found = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     return [int(c) for c in found if b"spawn_main" in Path(f"/proc/{c}/cmdline").read_bytes()]
 
 
-def eventually(found: Callable[[], object], seconds: float = 120.0) -> None:
+def wait_until(condition: Callable[[], object], seconds: float = 120.0) -> None:
     end = time.monotonic() + seconds
-    while not found():
-        assert time.monotonic() < end, "it never came to that"
+    while not condition():
+        assert time.monotonic() < end, f"not within {seconds:g} s"
         time.sleep(0.02)
 
 
@@ -43,13 +43,13 @@ def tables(folder: Path) -> dict[str, bytes]:
     return {name: (folder / name).read_bytes() for name in TABLES}
 
 
-def leftovers(folder: Path) -> Iterator[Path]:
-    """Folders of runs that were begun and not finished."""
+def unfinished_runs(folder: Path) -> Iterator[Path]:
+    """Folders of runs that were started and not finished."""
     return (path for path in folder.rglob(".*") if path.is_dir())
 
 
 @pytest.mark.usefixtures("sweeps_here")
-def test_a_killed_process_fails_its_run_only_and_the_next_sweep_makes_it_again_as_any_number_of_processes_would(
+def test_a_killed_process_fails_only_its_run_and_the_next_sweep_gives_the_same_tables_as_an_undisturbed_one(
     sweep_file: Path, tmp_path: Path
 ) -> None:
     output = tmp_path / "out"
@@ -59,8 +59,8 @@ def test_a_killed_process_fails_its_run_only_and_the_next_sweep_makes_it_again_a
         stderr=subprocess.PIPE,
         text=True,
     ) as process:
-        eventually(lambda: (output / "records").exists() and children(process.pid))
-        os.kill(children(process.pid)[0], signal.SIGKILL)
+        wait_until(lambda: (output / "records").exists() and workers_of(process.pid))
+        os.kill(workers_of(process.pid)[0], signal.SIGKILL)
         out, err = process.communicate(timeout=240)
     document = json.loads(out)
     assert process.returncode == 4, err
@@ -74,7 +74,7 @@ def test_a_killed_process_fails_its_run_only_and_the_next_sweep_makes_it_again_a
     assert tables(output) == tables(tmp_path / "undisturbed")
 
 
-def test_a_signal_ends_the_sweep_and_keeps_what_is_done(sweep_file: Path, tmp_path: Path) -> None:
+def test_a_signal_ends_the_sweep_and_keeps_finished_runs(sweep_file: Path, tmp_path: Path) -> None:
     output = tmp_path / "out"
     with subprocess.Popen(
         command(sweep_file, "-o", output, "--jobs", "1"),
@@ -83,15 +83,15 @@ def test_a_signal_ends_the_sweep_and_keeps_what_is_done(sweep_file: Path, tmp_pa
         text=True,
         start_new_session=True,
     ) as process:
-        eventually(lambda: list(output.glob("records/**/*.json")) or process.poll() is not None)
-        team = children(process.pid)
+        wait_until(lambda: list(output.glob("records/**/*.json")) or process.poll() is not None)
+        workers = workers_of(process.pid)
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
         _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "the same command continues" in err
     assert "Traceback" not in err
-    assert not any(Path(f"/proc/{pid}").exists() for pid in team)
-    assert not list(leftovers(output))
+    assert not any(Path(f"/proc/{pid}").exists() for pid in workers)
+    assert not list(unfinished_runs(output))
 
 
 def test_a_killed_sweep_takes_its_processes_with_it(sweep_file: Path, tmp_path: Path) -> None:
@@ -99,11 +99,11 @@ def test_a_killed_sweep_takes_its_processes_with_it(sweep_file: Path, tmp_path: 
     with subprocess.Popen(
         command(sweep_file, "-o", output, "--jobs", "2"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     ) as process:
-        eventually(lambda: len(children(process.pid)) == 2)
-        team = children(process.pid)
+        wait_until(lambda: len(workers_of(process.pid)) == 2)
+        workers = workers_of(process.pid)
         process.kill()
-    assert len(team) == 2
-    eventually(lambda: not any(Path(f"/proc/{pid}").exists() for pid in team), 60.0)
+    assert len(workers) == 2
+    wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), 60.0)
     assert not (output / "summary.json").exists()
-    # So the next one goes on
+    # The next sweep can continue, because the folder is still known to be that of a sweep.
     assert json.loads((output / "sweep.json").read_bytes())["format"] == "gridslam sweep"
