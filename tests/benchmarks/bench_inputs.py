@@ -21,15 +21,17 @@ FLOOR_M = 0.005  # errors below it count as it: the truth of a map of 5 cm cells
 def rows() -> Iterator[BenchmarkRow]:
     """Each kind's APE by that of the ordinary recording.
 
-    INPUTS_SEEDS=1,2 measures other drives, INPUTS_KINDS=cloud,livox these kinds, which may be of `MORE_KINDS`.
+    INPUTS_SEEDS=1,2 measures other drives, with INPUTS_ELSEWHERE=1 through an office floor of the seed each;
+    INPUTS_KINDS=cloud,livox these kinds, which may be of `MORE_KINDS`.
     """
     seeds = [int(s) for s in os.environ.get("INPUTS_SEEDS", str(SEED)).split(",")]
     kinds = [k for k in os.environ.get("INPUTS_KINDS", "").split(",") if k] or list(KINDS)
+    is_elsewhere = os.environ.get("INPUTS_ELSEWHERE", "") == "1"
     known = KINDS | MORE_KINDS
     worst: dict[str, float] = {}
     for seed in seeds:
         errors: dict[str, float] = {}
-        made = drive(seed)
+        made = drive(seed, is_elsewhere)
         makers = ORDINARY | {kind: known[kind][0] for kind in kinds}
         with tempfile.TemporaryDirectory() as scratch:
             truth = Path(scratch) / "truth.tum"

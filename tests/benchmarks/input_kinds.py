@@ -1,6 +1,6 @@
 """One simulated drive, recorded as the log of each kind of robot: clouds, several lidars, no odometry, odd drivers.
 
-Every kind sees the same walls from the same true poses; clouds and further lidars are cast here, with the noise of the
+The drive is through one room, or through an office floor of its seed. Every kind sees the same walls from the same true poses; clouds and further lidars are cast here, with the noise of the
 simulator's lidar. Messages are written with rosbags' own serialisation.
 """
 
@@ -20,7 +20,9 @@ from scipy.spatial.transform import Rotation
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry
+from gridslam.core.random import random_stream
 from gridslam.simulation.driving.route import drive_route
+from gridslam.simulation.places.build import place_document
 from gridslam.simulation.record import tum_line
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.simulator import Simulator
@@ -32,6 +34,7 @@ Floats = NDArray[np.float64]
 Messages = Iterator[tuple[str, Any]]
 
 PERIOD_S, HEIGHT_M, FORWARD_M, CEILING_M = 0.1, 0.6, 0.1, 2.4
+OFFICE_TRAVEL_M = 60.0
 RINGS_DEG = np.arange(-15.0, 16.0, 2.0)
 COLUMNS = 600
 WORLD = """
@@ -68,40 +71,56 @@ LIVOX = {
 
 @dataclass(frozen=True, slots=True)
 class InputDrive:
-    """The simulator's events, the true poses of the robot by time (s after the first stamp), and the walls."""
+    """The simulator's events, the true poses of the robot by time (s after the first stamp), and the walls.
+
+    Robots that sway do so at `sway_radps`: angular frequencies of roll and pitch.
+    """
 
     events: list[Event]
     poses_at: Callable[[Floats], Floats]
     start_ns: int
     scene: Scene
     truth: str
+    sway_radps: tuple[float, float]
 
     def sweeps(self) -> list[LaserScan]:
         return [event for event in self.events if isinstance(event, LaserScan)]
 
 
-def drive(seed: int) -> InputDrive:
-    """The drive, with errors of wheels and sensors by seed."""
-    world = validate_world({**yaml.safe_load(WORLD), "seed": seed}, "inputs")
+def drive(seed: int, is_elsewhere: bool = False) -> InputDrive:
+    """The drive, with errors of wheels and sensors by seed; elsewhere, through an office floor and with a sway of the seed."""
+    document = {**yaml.safe_load(WORLD), "seed": seed}
+    sway_radps = 2.5, 1.7
+    if is_elsewhere:
+        place = place_document("office", seed, OFFICE_TRAVEL_M)
+        document = {**place, "people": [], "sensors": document["sensors"]}
+        slower, faster = np.sort(random_stream(seed, "sway").uniform(1.2, 5.0, 2)).tolist()
+        sway_radps = faster, slower
+    world = validate_world(document, "inputs")
     simulator = Simulator(world, Path())
     events, truth = [], []
     for event, is_truth in drive_route(simulator):
         (truth if is_truth else events).append(event)
     lines = "".join(tum_line(event) for event in truth if isinstance(event, Odometry))
-    return InputDrive(events, simulator.robot.poses_at, world.start_ns, simulator.scene, lines)
+    return InputDrive(events, simulator.robot.poses_at, world.start_ns, simulator.scene, lines, sway_radps)
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedSway:
-    """A robot that rolls and pitches by `amplitude_deg` about the point of the floor below it, or about its lidar."""
+    """A robot that rolls and pitches by `amplitude_deg` about the point of the floor below it, or about its lidar.
+
+    `radps` are the angular frequencies of roll and pitch.
+    """
 
     amplitude_deg: float = 0.0
     is_about_lidar: bool = False
+    radps: tuple[float, float] = (0.0, 0.0)
 
     def angles(self, time_s: Floats) -> tuple[Floats, Floats]:
         """Roll and pitch (rad) at times (s)."""
         amplitude = math.radians(self.amplitude_deg)
-        return amplitude * np.sin(2.5 * time_s), amplitude * np.sin(1.7 * time_s + 1.0)
+        roll_radps, pitch_radps = self.radps
+        return amplitude * np.sin(roll_radps * time_s), amplitude * np.sin(pitch_radps * time_s + 1.0)
 
     def rotations(self, time_s: Floats) -> Rotation:
         """The robot's rotations without its yaw."""
@@ -373,7 +392,7 @@ def swaying(
     is_about_lidar: bool = False,
 ) -> Path:
     """A robot that rolls and pitches, with an IMU that says so (`imu` as in `tilted_imu`) or with none (empty)."""
-    rng, sway = np.random.default_rng(9), SimulatedSway(amplitude_deg, is_about_lidar)
+    rng, sway = np.random.default_rng(9), SimulatedSway(amplitude_deg, is_about_lidar, drive.sway_radps)
     sensor_extrinsics = np.array([FORWARD_M, 0.0, 0.0])
     phase = np.arange(360) / 360
     beams = np.column_stack([2 * np.pi * phase - np.pi, np.zeros(360), 0.0997 * phase])
