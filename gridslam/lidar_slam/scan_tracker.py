@@ -22,6 +22,7 @@ from gridslam.lidar_slam.front_end import ScanMatch, Tracking
 from gridslam.lidar_slam.key_scans import KeyScanSpacing, distribute_corrections
 from gridslam.lidar_slam.motion_prediction import FIRM_STD_M, MIN_TWIST_S, MotionPredictor
 from gridslam.lidar_slam.odometry_noise import odometry_limits
+from gridslam.lidar_slam.open_stretches import OpenStretches, is_open
 from gridslam.lidar_slam.packed_scans import PackedScans
 from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
 from gridslam.lidar_slam.slips import slip_variances
@@ -57,6 +58,7 @@ class ScanTracker:
         self._scan_poses = ScanPoses(odometry_limits(odometry), max_wait_s=MAX_WAIT_S)
         self._predictor = MotionPredictor()
         self._gaps = UnmeasuredGaps()
+        self._open_stretches = OpenStretches()
         self.known_twist: Callable[[int], Floats] | None = None  # at a stamp, where it is known beforehand
         self._counters: Counter[str] = Counter()
         self._last_readings = ""  # of an empty scan, in words
@@ -111,6 +113,11 @@ class ScanTracker:
         return self._predictor.measures()
 
     @property
+    def open_stretch(self) -> dict[str, float]:
+        """The stretch on which the scans show least how far the robot moved, for the report."""
+        return self._open_stretches.measures
+
+    @property
     def is_gyro_poor(self) -> bool:
         """Whether the gyro's rotations are worse than those at constant velocity."""
         return self._predictor.is_gyro_poor
@@ -155,9 +162,14 @@ class ScanTracker:
         return self._predictor.doubt or self._gaps.doubt
 
     @property
-    def sway_doubt(self) -> str | None:
-        """The reason, in words, to distrust the map of a robot that sways; None without one."""
-        return None if self.sway is None else self.sway.doubt
+    def sensor_doubt(self) -> str | None:
+        """The reason, in words, to distrust the map of a robot that sways, or of walls that leave its motion open."""
+        return (self.sway and self.sway.doubt) or self._open_stretches.doubt
+
+    def open_ns(self) -> NDArray[np.int64]:
+        """First and last stamps `(k, 2)` of the parts of the path on which the scans do not show how far the robot moved."""
+        leave_open = np.array([is_open(match) for match in self._matches], np.bool_)
+        return stretches(np.array(self.stamps_ns, np.int64), leave_open)
 
     @property
     def inlier_ratios(self) -> Floats:
@@ -228,6 +240,10 @@ class ScanTracker:
         self._slips_m2.append(self._slip_m2(placed, match))
         if len(self.stamps_ns) > 1 and not self._predictor.uses_odometry(placed):
             self._gaps.add((scan.stamp_ns - self.stamps_ns[-1]) * 1e-9, self._last_speed_mps, match)
+        if self.stamps_ns:
+            travel_m = math.hypot(*se2.between(self.pose, match.pose)[:2].tolist())
+            elapsed_s = max((scan.stamp_ns - self.stamps_ns[-1]) * 1e-9, 0.0)
+            self._open_stretches.add(travel_m, elapsed_s, match, self._predictor.uses_odometry(placed))
         self.stamps_ns.append(scan.stamp_ns)
         self.track_poses.append(self._front_end.pose.copy())
         self._matches.append(match)

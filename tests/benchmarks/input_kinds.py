@@ -1,7 +1,8 @@
 """One simulated drive, recorded as the log of each kind of robot: clouds, several lidars, no odometry, odd drivers.
 
-The drive is through one room, or through an office floor of its seed. Every kind sees the same walls from the same true poses; clouds and further lidars are cast here, with the noise of the
-simulator's lidar. Messages are written with rosbags' own serialisation.
+The drive is through one room, or through an office floor of its seed. Every kind sees the same walls from the same true poses;
+clouds and further lidars are cast here, with the noise of the simulator's lidar. Messages are written with rosbags' own
+serialisation.
 """
 
 from __future__ import annotations

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform
-from gridslam.core.trajectory import Trajectory
-from gridslam.lidar_slam.sensor_checks.odometry_calibration import OdometryCorrection, windows_of
+from gridslam.lidar_slam.sensor_checks.odometry_calibration import MotionWindows, OdometryCorrection
 
 Floats = NDArray[np.float64]
 
@@ -47,14 +46,14 @@ class ExtrinsicsCheck:
 
 
 def find_extrinsics(
-    events: list[Event], path: Trajectory, odometry: Trajectory, correction: OdometryCorrection
+    events: list[Event], windows: MotionWindows | None, correction: OdometryCorrection
 ) -> ExtrinsicsCheck:
     """Extrinsics of the only lidar among the events, if the log has none, or clearly wrong ones.
 
-    It may be the odometry as well that tracks another frame; the map is the same.
+    `windows` are motions of the odometry and of the lidar. It may be the odometry as well that tracks another frame; the map is
+    the same.
     """
     frames = {e.frame_id for e in events if isinstance(e, LaserScan)}
-    windows = windows_of(path, odometry)
     if (
         len(frames) != 1
         or windows is None

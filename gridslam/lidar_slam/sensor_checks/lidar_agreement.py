@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,26 +84,35 @@ def find_lidar_faults(
     if len(odometry) > 1:
         lidars.sort(key=lambda lidar: _disagreement(paths[lidar], odometry))
     first = lidars[0]
-    found = [_compared(first, other, paths[first], paths[other]) for other in lidars[1:]]
+    found = [_compared(first, other, paths) for other in lidars[1:]]
     return [fault for fault in found if fault is not None]
 
 
-def _disagreement(path: Trajectory, odometry: Trajectory) -> tuple[bool, bool, float]:
+class LidarPath(NamedTuple):
+    """The path of one lidar by matching alone, and the stretches `(k, 2)` on which its scans do not show how far it moved."""
+
+    path: Trajectory
+    open_ns: NDArray[np.int64]
+
+
+def _disagreement(of: LidarPath, odometry: Trajectory) -> tuple[bool, bool, float]:
     """Whether the path of a lidar is mirrored by the odometry, or that of a lidar that sits elsewhere, and its lag (s)."""
-    windows = windows_of(path, odometry)
+    windows = windows_of(of.path, odometry, of.open_ns)
     if windows is None:
         return True, True, 0.0
-    found = calibrate(path, odometry)
+    found = calibrate(of.path, odometry, of.open_ns)
     is_misplaced = not found.mirrors_yaw and solve_extrinsics(*windows.motions(found)) is not None
     return found.mirrors_yaw, is_misplaced, abs(found.lag_s)
 
 
-def _compared(first: str, other: str, path: Trajectory, other_path: Trajectory) -> LidarFault | None:
+def _compared(first: str, other: str, paths: Mapping[str, LidarPath]) -> LidarFault | None:
     """Contradiction of the path of another lidar with the first one's; None where they agree."""
-    windows = windows_of(path, other_path)
+    path, other_path = paths[first], paths[other].path
+    open_ns = np.concatenate([path.open_ns, paths[other].open_ns])
+    windows = windows_of(path.path, other_path, open_ns)
     if windows is None:
         return None
-    found = calibrate(path, other_path)
+    found = calibrate(path.path, other_path, open_ns)
     by_other, by_first = windows.motions(found)
     moved = None if found.mirrors_yaw else solve_extrinsics(by_first, by_other)
     if not (found.lag_s or found.mirrors_yaw or moved is not None):
@@ -111,11 +121,11 @@ def _compared(first: str, other: str, path: Trajectory, other_path: Trajectory) 
     return LidarFault(other, first, found.lag_s, found.mirrors_yaw, None if moved is None else (x, y, yaw))
 
 
-def _path_of(lidar: str, events: Sequence[Event], tracker: ScanTracker) -> Trajectory:
+def _path_of(lidar: str, events: Sequence[Event], tracker: ScanTracker) -> LidarPath:
     """The path over the scans of one lidar by matching alone."""
     own = (
         e
         for e in events
         if not isinstance(e, Odometry | Imu) and not (isinstance(e, LaserScan) and lidar_of(e) != lidar)
     )
-    return tracker.track_all(own).sorted()
+    return LidarPath(tracker.track_all(own).sorted(), tracker.open_ns())

@@ -13,7 +13,9 @@ from gridslam.lidar_slam.sensor_checks.distance_errors import small_error, wrong
 from gridslam.lidar_slam.sensor_checks.heading_errors import NO_ERRORS, HeadingErrors, find_heading_errors
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
+NO_STRETCHES: Ints = np.zeros((0, 2), np.int64)
 WINDOW_S = 1.0  # motions are compared over this long: matching is then more exact than any odometry
 # Tried if no lag of `LAGS_S` explains the rotations
 FAR_LAGS_S: Floats = np.concatenate([np.arange(-600, -150, 5), np.arange(155, 605, 5)]) * 0.01
@@ -116,9 +118,12 @@ class OdometryCorrection:
         return np.asarray(poses * np.array([self.scale, y, -1.0 if self.mirrors_yaw else 1.0]))
 
 
-def calibrate(track: Trajectory, odometry: Trajectory) -> OdometryCorrection:
-    """The faults of odometry, given the robot's path by scan matching alone; without clear evidence there are none."""
-    windows = windows_of(track, odometry)
+def calibrate(track: Trajectory, odometry: Trajectory, open_ns: Ints = NO_STRETCHES) -> OdometryCorrection:
+    """The faults of odometry, given the robot's path by scan matching alone; without clear evidence there are none.
+
+    From the first to the last stamp of each stretch `open_ns` `(k, 2)` the scans did not show how far the robot moved.
+    """
+    windows = windows_of(track, odometry, open_ns)
     if windows is None:
         return OdometryCorrection()
     found = windows.lag_and_sign()
@@ -132,18 +137,24 @@ def calibrate(track: Trajectory, odometry: Trajectory) -> OdometryCorrection:
     return replace(found, heading=windows.heading_errors(found))
 
 
-def windows_of(track: Trajectory, odometry: Trajectory) -> MotionWindows | None:
-    """Motions of the track and of the odometry over windows of about `WINDOW_S`; None if no window fits."""
+def windows_of(track: Trajectory, odometry: Trajectory, open_ns: Ints = NO_STRETCHES) -> MotionWindows | None:
+    """Motions of the track and of the odometry over windows of about `WINDOW_S` outside open stretches; None if none fits."""
     starts, ends = time_windows(track.stamps_ns, WINDOW_S)
-    return MotionWindows(track, odometry, starts, ends) if len(starts) and len(odometry) > 1 else None
+    began = np.searchsorted(np.sort(open_ns[:, 0]), track.stamps_ns[ends], side="right")
+    ended = np.searchsorted(np.sort(open_ns[:, 1]), track.stamps_ns[starts], side="left")
+    is_used = began == ended
+    if not is_used.any() or len(odometry) < 2:
+        return None
+    return MotionWindows(track, odometry, starts[is_used], ends[is_used], used_ratio=float(is_used.mean()))
 
 
 class MotionWindows:
-    """Motions of the track and of the odometry over the same windows."""
+    """Motions of the track and of the odometry over the same windows, the fraction `used_ratio` of all."""
 
     def __init__(
-        self, track: Trajectory, odometry: Trajectory, starts: NDArray[np.int64], ends: NDArray[np.int64]
+        self, track: Trajectory, odometry: Trajectory, starts: Ints, ends: Ints, used_ratio: float
     ) -> None:
+        self._used_ratio = used_ratio
         self._origin_ns = int(track.stamps_ns[0])
         times = self._seconds(track.stamps_ns)
         self._start_s, self._end_s = times[starts], times[ends]
@@ -237,7 +248,7 @@ class MotionWindows:
     @property
     def _independent(self) -> float:
         """The number of windows that do not overlap."""
-        return max(float(self._end_s[-1] - self._start_s[0]) / WINDOW_S, 1.0)
+        return max(self._used_ratio * float(self._end_s[-1] - self._start_s[0]) / WINDOW_S, 1.0)
 
     def _at(self, times_s: Floats, lag_s: float, path: Floats | None = None) -> Floats:
         """Poses `(n, 3)` at `times_s + lag_s`, interpolated linearly in the odometry or in `path`, which has the same stamps."""
@@ -245,5 +256,5 @@ class MotionWindows:
         columns = (self._odometry if path is None else path).T
         return np.column_stack([np.interp(at, self._odometry_s, column) for column in columns])
 
-    def _seconds(self, stamps_ns: NDArray[np.int64]) -> Floats:
+    def _seconds(self, stamps_ns: Ints) -> Floats:
         return np.asarray((stamps_ns - self._origin_ns) * 1e-9)

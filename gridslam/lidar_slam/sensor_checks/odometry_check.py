@@ -25,7 +25,12 @@ from gridslam.lidar_slam.sensor_checks.gyro_calibration import (
 )
 from gridslam.lidar_slam.sensor_checks.level_check import LevelledScans
 from gridslam.lidar_slam.sensor_checks.lidar_agreement import find_lidar_faults
-from gridslam.lidar_slam.sensor_checks.odometry_calibration import OdometryCorrection, calibrate
+from gridslam.lidar_slam.sensor_checks.odometry_calibration import (
+    NO_STRETCHES,
+    OdometryCorrection,
+    calibrate,
+    windows_of,
+)
 from gridslam.lidar_slam.sensor_checks.own_body import find_own_bodies, later_bodies_among
 from gridslam.lidar_slam.sensor_checks.scan_angles import find_wrong_angles
 from gridslam.lidar_slam.sensor_checks.scan_repairs import ScanRepairs
@@ -165,9 +170,10 @@ class OdometryCheck:
         if len(odometry) > 1 and self._scans > 1:
             self._find_wrong_angles(held, by_odometry)
             path = self._decide_sense(held, self._path(held), by_odometry)
-            self.correction = calibrate(path, by_odometry)
+            self.correction = self._calibrated(path, by_odometry)
             path = self._turned_over(held, path, by_odometry)
-            self._place = find_extrinsics(held, path, by_odometry, self.correction)
+            windows = windows_of(path, by_odometry, self._open_ns())
+            self._place = find_extrinsics(held, windows, self.correction)
         if self.correction.is_undecided and not is_last and self._scans < self._max_scans:
             return False
         if self._scans > 1:
@@ -186,7 +192,7 @@ class OdometryCheck:
             return
         if self.repairs.sweep is not None and self.correction.lag_s:
             self._restart_path()  # it was that of scans with other times
-            again = calibrate(self._path(held), _trajectory(odometry))
+            again = self._calibrated(self._path(held), _trajectory(odometry))
             self.correction = replace(again, is_imu_with_scans=self.correction.is_imu_with_scans)
         applied = map(self.repairs.applied_to, scans)
         sweep_s = stated_sweep_s([scan for scan in applied if isinstance(scan, LaserScan)])
@@ -206,7 +212,11 @@ class OdometryCheck:
     def _decide_sense(self, held: list[Event], path: Trajectory, odometry: Trajectory) -> Trajectory:
         """The path; tracked anew, with the beams of ambiguous scans reversed, if the odometry rotates in the other direction."""
         is_uncertain = any(isinstance(e, LaserScan) and e.has_uncertain_sense for e in held)
-        if self.repairs.reverses_scans or not is_uncertain or not calibrate(path, odometry).mirrors_yaw:
+        if (
+            self.repairs.reverses_scans
+            or not is_uncertain
+            or not self._calibrated(path, odometry).mirrors_yaw
+        ):
             return path
         self.repairs.reverses_scans = True
         self._restart_path()
@@ -224,7 +234,7 @@ class OdometryCheck:
         self.repairs.is_upside_down = True
         self._restart_path()
         path = self._path(held)
-        self.correction = calibrate(path, odometry)
+        self.correction = self._calibrated(path, odometry)
         return path
 
     def _find_gyro(self, held: list[Event]) -> None:
@@ -272,6 +282,14 @@ class OdometryCheck:
         """The path over the held scans by a tracker of its own."""
         events = (self.repairs.applied_to(e) for e in held if not isinstance(e, Odometry))
         return self._build_tracker().track_all(events)
+
+    def _calibrated(self, path: Trajectory, odometry: Trajectory) -> OdometryCorrection:
+        """The faults of the odometry by the path of the tracker."""
+        return calibrate(path, odometry, self._open_ns())
+
+    def _open_ns(self) -> NDArray[np.int64]:
+        """The stretches `(k, 2)` of the tracker's path on which the scans do not show how far the robot moved."""
+        return NO_STRETCHES if self._tracker is None else self._tracker.open_ns()
 
     def _restart_path(self) -> None:
         """Forget the path: it must be tracked anew with other scans."""

@@ -142,7 +142,7 @@ class HandmapSlam:
         if laid is not None:
             result = laid.add_to(result)
         tracker = self._scan_tracker
-        sensor_doubt = self._odometry_check.doubt or tracker.sway_doubt
+        sensor_doubt = self._odometry_check.doubt or tracker.sensor_doubt
         return with_consistency(result, metric.consistency, tracker.motion_doubt, sensor_doubt)
 
     def _lay_drawing_over(self, metric: MetricMap) -> LaidDrawing | None:
@@ -194,6 +194,7 @@ class HandmapSlam:
             **tracker.motion_measures,
             "odometry_check": self._odometry_check.measures(),
             "lidars": tracker.lidar_measures,
+            "open_stretch": tracker.open_stretch,
         }
         measures: dict[str, object] = {"key_scans": len(tracker.keys), "motion": motion}
         if metric.optimised is not None:

@@ -138,7 +138,7 @@ class SlamSd:
         )
         return_freed_memory()
         with self._stopwatch.stage("map_consistency"):
-            sensor_doubt = self._odometry_check.doubt or tracker.sway_doubt
+            sensor_doubt = self._odometry_check.doubt or tracker.sensor_doubt
             result = with_consistency(result, consistency, tracker.motion_doubt, sensor_doubt)
         if drive.continued is not None and drawn is not None:
             result = with_drives(result, drive.continued, drawn)
@@ -161,6 +161,7 @@ class SlamSd:
                 **tracker.motion_measures,
                 "odometry_check": self._odometry_check.measures(),
                 "lidars": tracker.lidar_measures,
+                "open_stretch": tracker.open_stretch,
             },
         }
 

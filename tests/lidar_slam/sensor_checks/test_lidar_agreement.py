@@ -12,7 +12,8 @@ import pytest
 from gridslam.core.messages import LaserScan, Transform
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.sensor_checks import lidar_agreement
-from gridslam.lidar_slam.sensor_checks.lidar_agreement import LidarFault, find_lidar_faults
+from gridslam.lidar_slam.sensor_checks.lidar_agreement import LidarFault, LidarPath, find_lidar_faults
+from gridslam.lidar_slam.sensor_checks.odometry_calibration import NO_STRETCHES
 from tests.lidar_slam.sensor_checks.test_heading_errors import winding
 
 NS = 10**9
@@ -20,10 +21,10 @@ LEVEL = (1.0, 0.0, 0.0, 0.0)
 SCAN = LaserScan(5 * NS, "back", np.ones(3, np.float32), -1.0, 1.0, 0.1, 9.0)
 
 
-def paths(change: Callable[[Trajectory], Trajectory]) -> Callable[..., Trajectory]:
+def paths(change: Callable[[Trajectory], Trajectory]) -> Callable[..., LidarPath]:
     """What tracking each lidar alone gives: the true path, and another of the lidar at the back."""
     truth = winding(40.0, 10.0)
-    return lambda lidar, events, tracker: change(truth) if lidar == "back" else truth
+    return lambda lidar, events, tracker: LidarPath(change(truth) if lidar == "back" else truth, NO_STRETCHES)
 
 
 def found(monkeypatch: pytest.MonkeyPatch, change: Callable[[Trajectory], Trajectory]) -> list[LidarFault]:
