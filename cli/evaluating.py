@@ -42,7 +42,7 @@ class TruthOptions:
 
 @dataclass(frozen=True, slots=True)
 class MeasureOptions:
-    """Options of the command for the measures; None where the default depends on the input."""
+    """Options of the command for the measures; None if the default depends on the input."""
 
     align: Align | None
     scale: bool

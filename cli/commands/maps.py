@@ -35,7 +35,9 @@ Pose = Annotated[
         "--pose", metavar="X,Y,YAW", help="Pose of OTHER in MAP (m, m, rad). Default: by registration."
     ),
 ]
-MAX_COMPARED_CELLS = 25_000_000  # of a map; compared cell by cell, a second or two for each million
+MAX_COMPARED_CELLS = (
+    25_000_000  # largest map that is compared cell by cell, which takes a second or two per million
+)
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing file.")]
 Mode = Annotated[
     Literal["trinary", "scale", "raw"],

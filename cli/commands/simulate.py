@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from gridslam.simulation.record import Recorded
     from gridslam.simulation.world_config import WorldConfig
 
-STEPS = 1000  # of the progress bar
+STEPS = 1000  # number of steps of the progress bar
 WorldName = Annotated[
     str,
     typer.Argument(

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-M_MMAP_THRESHOLD = -3  # of mallopt
+M_MMAP_THRESHOLD = -3  # the parameter of mallopt
 LARGE_BYTES = 256 << 10  # smaller arrays come and go often, and pages take their time
 
 Kind = TypeVar("Kind", bound=np.generic)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 VARIABLES = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
-MAX_DIGITS = 4  # of a number of threads: no machine has more cores
+MAX_DIGITS = 4  # digits of a number of threads: no machine has more cores
 
 
 def drop_wrong_counts() -> list[str]:

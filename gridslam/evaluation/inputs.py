@@ -49,7 +49,7 @@ class EvaluationOptions:
     with_scale: bool = False
     sync: Sync = "nearest"
     max_difference_ns: int | None = None  # None: 10 ms for `nearest`, no bound for `interpolate`
-    max_gap_ns: int = DEFAULT_MAX_GAP_NS  # between the poses that `interpolate` takes
+    max_gap_ns: int = DEFAULT_MAX_GAP_NS  # largest gap between the two poses that `interpolate` uses
     time_offset_ns: int = 0  # added to the stamps of the estimate
     delta: Delta = field(default_factory=Delta)
     # True walls that are farther than this from every known cell are not missed; None: all walls count

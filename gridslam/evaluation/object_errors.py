@@ -18,7 +18,7 @@ class MapObject:
     pose: tuple[float, float, float]
     category: str | None = None  # box, door, ...
     moved: bool | None = None
-    state: str | None = None  # of a door: open, closed
+    state: str | None = None  # open or closed; None for an object without states
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,7 +78,7 @@ class MotionPredictor:
         self._steps: dict[MotionSource, Floats] = {}  # of the last prediction
 
     def add_imu(self, imu: Imu, is_flipped: bool) -> None:
-        """Take in a yaw rate."""
+        """Add a yaw rate."""
         self._gyro.add(imu, is_flipped)
 
     def twist(self, placed: PlacedScan) -> Floats:
@@ -213,7 +213,7 @@ class MotionPredictor:
         return self._previous, self._previous_pose
 
     def _learn(self, placed: PlacedScan, pose: Floats, is_firm: bool) -> None:
-        """Take in the matched motion to a scan: since the previous scan, and since an earlier one for the velocity."""
+        """Add the matched motion to a scan: since the previous scan, and since an earlier one for the velocity."""
         matched = se2.between(self._previous_pose, pose)
         for source, step in self._steps.items():
             self._errors[source].add(step, matched)
@@ -229,7 +229,7 @@ class MotionPredictor:
             self._gyro.compare(float(self._steps[MotionSource.GYRO][2]), float(matched[2]), elapsed_s)
 
     def _learn_change(self, placed: PlacedScan, matched: Floats, is_firm: bool) -> None:
-        """Take in how far the matched step `(3,)` is from one at constant velocity, if both ends are certain."""
+        """Add the difference between the matched step `(3,)` and one at constant velocity, if both ends are certain."""
         steady = self._steps.get(MotionSource.CONSTANT_VELOCITY)
         previous, was_firm = self._previous, self._was_firm
         self._was_firm = is_firm

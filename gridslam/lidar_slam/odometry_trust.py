@@ -34,7 +34,7 @@ class OdometryTrust:
         self.left_aside += 1
 
     def add(self, stamp_ns: int, odometry: Floats | None, matched: Floats, is_firm: bool) -> None:
-        """Take in a scan's pose `(3,)` by odometry, None where there is none or it jumped, and by matching."""
+        """Add a scan's pose `(3,)` by odometry, None if there is none or it jumped, and by matching."""
         if odometry is None or not is_firm:
             self._start = None
             return

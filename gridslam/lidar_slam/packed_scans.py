@@ -104,7 +104,7 @@ class PackedScans(Sequence[PreparedScan]):
 
 
 def _rows_of_points(scan: PreparedScan) -> NDArray[np.uint16] | None:
-    """The rows of a scan's surface that are its points, with their normals; None where they are not all rows of it.
+    """The rows of a scan's surface that are its points, with their normals; None if they are not all rows of it.
 
     They are in every scan that was prepared from one reading of a lidar: its gaps are filled between them.
     """

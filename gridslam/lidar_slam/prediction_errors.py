@@ -25,7 +25,7 @@ class PredictionErrors:
         self._squares_m2 = self._squares_rad2 = 0.0
 
     def add(self, predicted: Floats, matched: Floats) -> None:
-        """Take in a step `(3,)` by the source and by matching, both in the robot's frame."""
+        """Add a step `(3,)` by the source and by matching, both in the robot's frame."""
         x, y, yaw = (predicted - matched).tolist()
         self._squares_m2 += x * x + y * y
         self._squares_rad2 += math.remainder(yaw, 2.0 * math.pi) ** 2
@@ -58,7 +58,7 @@ class VelocityChange:
         self._mean_square = 0.0  # (m/s)^2
 
     def add(self, difference_m: float, elapsed_s: float) -> None:
-        """Take in a position's distance from its prediction at constant velocity over `elapsed_s`."""
+        """Add a position's distance from its prediction at constant velocity over `elapsed_s`."""
         self._steps += 1
         weight = 1.0 / min(self._steps, LEARNED_STEPS)
         self._mean_square += weight * ((difference_m / elapsed_s) ** 2 - self._mean_square)

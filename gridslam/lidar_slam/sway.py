@@ -22,9 +22,9 @@ Bools = NDArray[np.bool_]
 
 # A Gaussian over time about each scan: robots sway within a few seconds, and odometry is good over some seconds
 SIGMA_S, HALF_WINDOW_S = 2.0, 5.0
-SPACING_S = 0.1  # of the scans that are compared with each one
+SPACING_S = 0.1  # time between the scans that are compared with each other
 MIN_SUPPORT = 0.4  # smallest weight of these, relative to scans without end: at the ends of a log it is half
-MAX_ODOMETRY_GAP_S = 0.3  # in longer gaps the path of the wheels is not known well enough
+MAX_ODOMETRY_GAP_S = 0.3  # largest gap of the odometry over which its path is interpolated
 UNUSED = -1
 MIN_SCANS = 100
 WINDOW_S = 5.0
@@ -83,17 +83,17 @@ class SwayObserver:
         self._jumps = 0
 
     def add_odometry(self, stamp_ns: int) -> None:
-        """Take in the stamp of an odometry message."""
+        """Add the stamp of an odometry message."""
         self._odometry_ns.append(stamp_ns)
 
     def add_scan(self, odometry: Floats, has_jumped: bool, is_used: bool) -> None:
-        """Take in T_odom_base `(3,)` at a scan, whether it jumped since the scan before, and whether both can be compared."""
+        """Add T_odom_base `(3,)` at a scan, whether it jumped since the scan before, and whether both can be compared."""
         self._jumps += has_jumped
         self._odometry.extend(odometry.tolist())
         self._parts.append(self._jumps if is_used else UNUSED)
 
     def sway_of(self, stamps_ns: Ints, track: Floats) -> Sway | None:
-        """The sway of the path `(n, 3)` over all scans by matching; None where there is none, or no odometry shows it."""
+        """The sway of the path `(n, 3)` over all scans by matching; None if there is none, or no odometry shows it."""
         parts = np.array(self._parts, np.int64)
         if len(self._odometry_ns) < 2 or (parts != UNUSED).sum() < MIN_SCANS:
             return None
@@ -104,7 +104,7 @@ class SwayObserver:
 
 
 def find_sway(times_s: Floats, track: Floats, odometry: Floats, parts: Ints) -> Sway | None:
-    """The sway of a path `track` `(n, 3)` about that of the wheels, `odometry` `(n, 3)`; None where there is none.
+    """The sway of a path `track` `(n, 3)` about that of the wheels, `odometry` `(n, 3)`; None if there is none.
 
     Odometry is compared within `parts` `(n,)` of it, and not where these are UNUSED.
     """

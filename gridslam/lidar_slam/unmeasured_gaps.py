@@ -16,7 +16,7 @@ class UnmeasuredGaps:
         self._longest_s = 0.0
 
     def add(self, elapsed_s: float, speed_mps: float, match: ScanMatch) -> None:
-        """Take in the match of a scan without odometry, `elapsed_s` after the one before, up to which the robot had a speed."""
+        """Add the match of a scan without odometry, `elapsed_s` after the one before, up to which the robot had a speed."""
         is_found = match.is_matched and match.inlier_ratio >= MIN_INLIER_RATIO
         if elapsed_s > MAX_SCAN_GAP_S and not (is_found and speed_mps * elapsed_s < MAX_TRAVEL_M):
             self._longest_s = max(self._longest_s, elapsed_s)

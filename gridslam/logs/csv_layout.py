@@ -32,7 +32,7 @@ Unit: TypeAlias = Literal[
 ]
 
 
-MAX_TABLES = 500  # of one folder: all are open at the same time, and many systems allow a program 1024 files
+MAX_TABLES = 500  # largest number in a folder: all are open at the same time, and many systems allow a program 1024 open files
 
 
 class FrameExtrinsics(StrictModel):

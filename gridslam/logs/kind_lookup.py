@@ -30,13 +30,13 @@ def kind_of_foxglove_type(name: str) -> str:
 
 
 def ros_converter(name: str) -> FromRos | None:
-    """The conversion of decoded messages of a ROS type; None where the kind has none of its own."""
+    """The conversion of decoded messages of a ROS type; None if the kind has none of its own."""
     kind = _OF_ROS_TYPE.get(name)
     return None if kind is None else kind.ros[name]
 
 
 def foxglove_converter(name: str) -> FromFoxglove | None:
-    """The conversion of decoded messages of a Foxglove type; None where the kind has none of its own."""
+    """The conversion of decoded messages of a Foxglove type; None if the kind has none of its own."""
     kind = _OF_FOXGLOVE_TYPE.get(name)
     return None if kind is None else kind.foxglove[name]
 
@@ -49,7 +49,7 @@ def kinds_sharing(type_name: str) -> list[MessageKind]:
 
 
 def unusable_reason(event: Event) -> SkipReason | None:
-    """The reason why no method can use the event; None where it can."""
+    """The reason why no method can use the event; None if it can."""
     check = _UNUSABLE_REASONS.get(type(event))
     return check(event) if check else None
 

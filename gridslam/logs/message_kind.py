@@ -71,7 +71,7 @@ class MessageKind:
     """One kind of stream.
 
     `message` is the class of its events. `ros` and `foxglove` give, by the name of a schema, the conversion of a
-    decoded message; None where decoding depends on more than the message (`ros/decoder.py`). `shared_ros` and
+    decoded message; None if decoding depends on more than the message (`ros/decoder.py`). `shared_ros` and
     `shared_foxglove` are conversions of schemas of another kind, whose streams are of this kind if it `claims` their first
     message (decoded message, topic). `definitions` are those of schemas that ROS does not have. `to_ros` encodes an
     event for a topic, None for the usual one. `unusable_reason` says why no method can use an event; `repair` is made for each

@@ -90,7 +90,7 @@ def _refuse_folder_of_logs(folder: Path) -> None:
 
 
 def _parts(folder: Path, config: LogConfig) -> Source | None:
-    """The parts of a rosbag2 recording in a folder without metadata.yaml; None where there are none."""
+    """The parts of a rosbag2 recording in a folder without metadata.yaml; None if there are none."""
     from gridslam.logs.rosbag.parts import numbered_files, why_several
     from gridslam.logs.rosbag.rosbag2 import open_rosbag2
 

@@ -35,7 +35,7 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
 
 
 def normalise(q: Quaternion) -> Quaternion | None:
-    """The unit quaternion, or None where it has no direction."""
+    """The unit quaternion, or None if it has no direction."""
     norm = math.sqrt(sum(c * c for c in q))
     if not math.isfinite(norm) or norm < 1e-6:
         return None

@@ -17,9 +17,9 @@ from gridslam.core.plain_files import open_plain_file
 
 MAX_PIXELS = 100_000_000  # 500 m x 500 m at 5 cm; a float32 map of that size takes 400 MB
 
-DEEP_MAXIMUM = 65_535  # of 16-bit grey
-ROWS_AT_ONCE = 256  # of a large image
-MAX_HEADER_BYTES = 65_536  # of a PGM
+DEEP_MAXIMUM = 65_535  # largest level of 16-bit grey
+ROWS_AT_ONCE = 256  # rows of a large image that are converted together
+MAX_HEADER_BYTES = 65_536  # largest header of a PGM that is read
 _NUMBER = rb"(?:\s|#[^\r\n]*[\r\n])+\d+"
 PNM_HEADER = re.compile(rb"P[14](?:%b){2}\s|P[2356](?:%b){3}\s" % (_NUMBER, _NUMBER))
 

@@ -28,7 +28,7 @@ class GyroHeading:
         return self._bias_radps
 
     def add(self, imu: Imu, is_flipped: bool) -> None:
-        """Take in a yaw rate; its sign is changed for a sensor mounted upside down. Out-of-order stamps are left out."""
+        """Add a yaw rate; its sign is changed for a sensor mounted upside down. Out-of-order stamps are left out."""
         rate = -imu.wz_radps if is_flipped else imu.wz_radps
         if not self._headings:
             self._headings.append((imu.stamp_ns, rate, 0.0))
@@ -42,7 +42,7 @@ class GyroHeading:
         self._headings.append((imu.stamp_ns, rate, heading + 0.5 * (last_rate + rate) * elapsed_s))
 
     def rotation(self, start_ns: int, end_ns: int) -> float | None:
-        """Rotation (rad) between two stamps without the bias; None where the yaw rates do not cover them.
+        """Rotation (rad) between two stamps without the bias; None if the yaw rates do not cover them.
 
         What lies before the start is forgotten.
         """

@@ -77,7 +77,7 @@ class MotionSearch:
     ) -> None:
         self._report = report
         self._max_states = max_states
-        self.states = 0  # of all searches so far
+        self.states = 0  # number of states in all searches so far
         self._occupancy, self._space, self._options = occupancy, space, options
         self._start, self._goal = start, goal
         smallest = options.min_radius_m

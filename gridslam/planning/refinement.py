@@ -35,7 +35,7 @@ class Refiner:
     radius_m: float
     search_radius_m: float
     limits: SpeedLimits
-    passes: int = 2  # of shortcuts and local search
+    passes: int = 2  # number of passes of shortcuts and local search
     max_motions: int = 120  # improved at once: the local search takes time with the square of their number
 
     def refine(self, motions: Floats, first_pose: Floats, start: Floats, goal: Floats) -> Floats:

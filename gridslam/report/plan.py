@@ -32,7 +32,7 @@ SEGMENT_COLUMNS = (
     "kind", "x", "y", "yaw", "length_m", "radius_m", "angle_rad", "enter_mps", "top_mps", "leave_mps", "time_s",
 )  # fmt: skip
 FOOTPRINT_SPACING_M = 0.5
-END = "\n}"  # of an indented JSON document
+END = "\n}"  # the end of an indented JSON document
 BORDER_M = 1.5
 WIDTH_PX, HEIGHTS_PX = 760, (240, 760)
 # On the longer side of the picture

@@ -9,7 +9,7 @@ import numpy as np
 from gridslam.core.messages import Event, Odometry
 from gridslam.core.trajectory import Trajectory
 
-MIN_STEP_M, MIN_STEP_RAD = 0.1, 0.1  # between the poses that are kept
+MIN_STEP_M, MIN_STEP_RAD = 0.1, 0.1  # smallest motion between poses that are kept
 
 
 class OdometryPath:
@@ -20,7 +20,7 @@ class OdometryPath:
         self._poses: list[tuple[float, float, float]] = []
 
     def add(self, events: Iterable[Event]) -> None:
-        """Take in the odometry among some events."""
+        """Add the odometry among some events."""
         for event in events:
             if isinstance(event, Odometry) and self._has_moved(event):
                 self._stamps.append(event.stamp_ns)

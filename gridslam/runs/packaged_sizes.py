@@ -8,13 +8,13 @@ import numpy as np
 
 from gridslam.methods.base import RunResult, Table
 
-MAX_PARTS = 1000  # of one kind that are written to files, layers or plots of their own
+MAX_PARTS = 1000  # largest number of parts of one kind (files, layers, plots)
 MAX_FACTS = 10_000  # counters, times and notes
 MAX_MARKS = 100_000  # objects, loops and untrusted parts, which are drawn
 MAX_VALUES = 10_000_000  # cells of all tables, poses of all trajectories, values of all series
 MAX_MEASURES = 100_000  # mappings, lists and values in the measures
-MAX_CHARACTERS = 1_000_000  # of all notes
-MAX_BYTES = 1 << 30  # of all files
+MAX_CHARACTERS = 1_000_000  # largest size of all notes together
+MAX_BYTES = 1 << 30  # largest size of all files together
 
 _PARTS = ("maps", "layers", "tables", "series", "pictures", "trajectories", "files")
 _FACTS = ("counters", "timings_s", "notes")

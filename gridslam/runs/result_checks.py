@@ -10,7 +10,7 @@ from gridslam.core.errors import MethodError
 from gridslam.methods.base import RunResult
 from gridslam.runs.run_counts import Counts
 
-MAX_REASONS, MAX_WHERE = 4, 160  # of skipped messages in a message, and characters that say where
+MAX_REASONS, MAX_WHERE = 4, 160  # largest number of reasons in an error message, and of characters of a place
 ADVICE = {
     "no_partner": "the pictures of a pair must be of one size and at most 5 ms apart: synchronise the cameras",
     "unknown_encoding": "record the pictures in an encoding of the page on formats",

@@ -39,7 +39,7 @@ from gridslam.simulation.truth_map import true_map
 from gridslam.simulation.work import refuse_long
 from gridslam.simulation.world_config import WorldConfig
 
-UNFINISHED = ".unfinished"  # in a truth folder: its log may not be there yet
+UNFINISHED = ".unfinished"  # a file in a truth folder whose log may not exist yet
 TRUTH_FILES = frozenset(
     ("trajectory.tum", "map.pgm", "map.yaml", "objects.csv", "tags.yaml", "world.yaml", UNFINISHED)
 )

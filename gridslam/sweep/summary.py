@@ -14,7 +14,7 @@ NUMBERS = ("mean", "mean_low", "mean_high", "sd", "min", "median", "max")
 RATES = ("rate", "rate_low", "rate_high")
 STATISTICS = (*NUMBERS, *RATES, "n", "missing")
 CONFIDENCE = 0.95
-Z = 1.959963984540054  # of the normal distribution, at CONFIDENCE
+Z = 1.959963984540054  # quantile of the normal distribution for CONFIDENCE
 
 
 @dataclass(frozen=True, slots=True)

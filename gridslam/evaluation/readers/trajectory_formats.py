@@ -25,7 +25,7 @@ from gridslam.evaluation.readers.pose_series import PoseSeries
 from gridslam.logs.tum import lines_of, numbers_in, stamp_in
 
 TUM_WORDS, PLANAR_WORDS, KITTI_WORDS, EUROC_WORDS = 8, 4, 12, 8
-MIN_NS_DIGITS, MIN_US_DIGITS = 18, 15  # of a whole number that is a stamp in this unit, or a smaller one
+MIN_NS_DIGITS, MIN_US_DIGITS = 18, 15  # an integer stamp with fewer digits has a larger unit
 EXPECTED = "t x y z qx qy qz qw (TUM), t x y yaw, KITTI's 12 numbers, EuRoC's stamp x y z qw qx qy qz, or a CSV header"
 CAMERA_NOTE = "the poses are in a camera frame (x right, y down, z forward): x = z and y = -x were taken"
 # Names of CSV columns in lower case; of dotted names the last parts count (`pose.pose.position.x`).

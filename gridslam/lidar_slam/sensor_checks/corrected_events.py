@@ -43,7 +43,7 @@ class CorrectedEvents:
         self._ordered = StampOrder(round(max(0.0, *late_s) * 1e9)) if late_s else None
 
     def add(self, event: Event, rotation_rad: float) -> Iterator[Event]:
-        """Take in an event at which the robot has turned by `rotation_rad` in all; yields what need not wait any more."""
+        """Process an event at which the robot has turned by `rotation_rad` in all; yields what need not wait any more."""
         recorded_ns = event.stamp_ns
         event = self._without_later_bodies(self._repairs.applied_to(event), rotation_rad)
         event = self._extrinsics.applied_to(event)

@@ -26,7 +26,7 @@ MIN_HALF_ANGLE_RAD = 0.4  # half the angle that the line must fill
 MIN_FILLED = 0.7  # smallest fraction of the beams in that angle that meet it
 MAX_ANGLE_RAD = 1.3  # farther from the tilt's direction beams meet the floor too far away
 MIN_SINE, MAX_SINE = 0.01, 0.5  # sines of tilts that correct the extrinsics
-KEPT = 0.8  # of the distance to the line: what is farther may be the floor of a robot that pitches a little
+KEPT = 0.8  # fraction of the distance to the line; readings beyond may be the floor if the robot pitches a little
 ITERATIONS = 5
 
 

@@ -84,7 +84,7 @@ class GyroCorrection:
 
 
 def find_gyro_correction(events: Sequence[Event], track: Trajectory) -> GyroCorrection | None:
-    """Correction of the yaw rates of the only IMU among the events, given the path by matching; None where they are right."""
+    """Correction of the yaw rates of the only IMU among the events, given the path by matching; None if they are right."""
     imus = [e for e in events if isinstance(e, Imu)]
     frames = {imu.frame_id for imu in imus}
     if len(frames) != 1 or len(imus) < MIN_WINDOWS:

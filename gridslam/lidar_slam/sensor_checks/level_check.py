@@ -48,7 +48,7 @@ class LevelledScans:
 
     @property
     def note(self) -> str | None:
-        """One line for the user; None where the scans are levelled as the IMU says."""
+        """One line for the user; None if the scans are levelled as the IMU says."""
         return NOTES.get(self.by)
 
     def applied_to(self, event: Event) -> Event:
@@ -77,7 +77,7 @@ class LevelledScans:
 
 
 def unevenness_m(path: Trajectory) -> float | None:
-    """Mean change (m) of the robot's motion from one STEP_S to the next; None where there are too few."""
+    """Mean change (m) of the robot's motion from one STEP_S to the next; None if there are too few."""
     path = path.sorted()
     first_ns, last_ns = (int(path.stamps_ns[0]), int(path.stamps_ns[-1])) if len(path) else (0, 0)
     poses, _ = path.at(np.arange(first_ns, last_ns, round(STEP_S * 1e9)))

@@ -79,7 +79,7 @@ class StaleScans:
         self._last_repeats: dict[str, list[int]] = {}
 
     def process(self, event: Event) -> Iterator[Event]:
-        """Take in an event; yields those about which nothing is unknown any more."""
+        """Process an event; yields those about which nothing is unknown any more."""
         held = _Held(event)
         if isinstance(event, Odometry) and event.is_finite:
             self._odometry.append(event)
@@ -127,7 +127,7 @@ class StaleScans:
         return (stamp_ns - (self._first_ns or 0)) * 1e-9
 
     def _add(self, held: _Held, scan: LaserScan) -> None:
-        """Take in a scan: a repeat of its lidar's last one, or the first of a new run, which may decide on the run before."""
+        """Add a scan: a repeat of its lidar's last one, or the first of a new run, which may decide on the run before."""
         if self._first_ns is None:
             self._first_ns = scan.stamp_ns
         lidar = lidar_of(scan)
@@ -195,7 +195,7 @@ class StaleScans:
                 self._left_out.setdefault(lidar_of(held.event), []).append(held.event.stamp_ns)
 
     def _odometry_at(self, stamp_ns: int) -> Floats | None:
-        """The pose `(3,)` by odometry at a stamp; None where odometry has not reached it, or has a gap."""
+        """The pose `(3,)` by odometry at a stamp; None if odometry has not reached it, or has a gap."""
         later: Odometry | None = None
         for earlier in reversed(self._odometry):
             if earlier.stamp_ns > stamp_ns:

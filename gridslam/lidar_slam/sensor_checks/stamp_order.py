@@ -17,7 +17,7 @@ class StampOrder:
         self._count = 0
 
     def add(self, event: Event, recorded_ns: int) -> Iterator[Event]:
-        """Take in an event that was recorded with another stamp; yields what need not wait any more."""
+        """Process an event that was recorded with another stamp; yields what need not wait any more."""
         heapq.heappush(self._held, (event.stamp_ns, self._count, event))
         self._count += 1
         while self._held and self._held[0][0] <= recorded_ns - self._late_ns:

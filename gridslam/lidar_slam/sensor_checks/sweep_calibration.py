@@ -79,7 +79,7 @@ def with_sweep(scan: LaserScan, sweep_s: float) -> LaserScan:
 def find_sweep_time(
     events: Sequence[Event], tracker: ScanTracker, build_tracker: Callable[[], ScanTracker]
 ) -> SweepTime | None:
-    """The time of a sweep; None where the scans' own is as good, or nothing is certain.
+    """The time of a sweep; None if the scans' own is as good, or nothing is certain.
 
     `events` are scans and extrinsics; `tracker` has followed the robot over the scans with the times that they state.
     """
@@ -121,7 +121,7 @@ def _track(tracker: ScanTracker, events: Sequence[Event], sweep_s: float) -> Non
 
 
 def _other_than_stated(trials: _Trials, stated_s: float, period_s: float) -> float | None:
-    """A time of a sweep (s) with which scans may match better than with the stated one; None where that is near the best."""
+    """A time of a sweep (s) with which scans may match better than with the stated one; None if that is near the best."""
     none, half, stated = (float(trials.ratios(f * stated_s).mean()) for f in (0.0, 0.5, 1.0))
     if max(none, half, stated) - min(none, half, stated) < MIN_GAIN:
         return None
@@ -140,7 +140,7 @@ def _other_than_stated(trials: _Trials, stated_s: float, period_s: float) -> flo
 
 
 def _best_fraction(trials: _Trials, period_s: float) -> float | None:
-    """The time of a sweep (s) with which scans match best, interpolated; None where no motion within a scan is as good."""
+    """The time of a sweep (s) with which scans match best, interpolated; None if no motion within a scan is as good."""
     means = {f: float(trials.ratios(f * period_s).mean()) for f in (-FIRST_FRACTION, 0.0, FIRST_FRACTION)}
     sign = 1.0 if means[FIRST_FRACTION] > means[-FIRST_FRACTION] else -1.0
     if means[sign * FIRST_FRACTION] <= means[0.0]:

@@ -35,7 +35,7 @@ class NoReturnCodes:
             self.add(scan.ranges_m, scan.range_max_m)
 
     def add(self, ranges_m: NDArray[np.float32], range_max_m: float) -> None:
-        """Take in the ranges `(beams,)` (m) of a scan and its stated maximum range (m; 0: not stated)."""
+        """Add the ranges `(beams,)` (m) of a scan and its stated maximum range (m; 0: not stated)."""
         if self.known is not None:
             return
         if self._last is not None and not _differ(ranges_m, self._last):

@@ -41,7 +41,7 @@ def in_radians(scan: LaserScan) -> LaserScan:
 
 
 def range_unit(scans: Sequence[LaserScan]) -> tuple[str, float] | None:
-    """The unit of the readings of a stream's first scans, and their number in a metre; None where they are metres."""
+    """The unit of the readings of a stream's first scans, and their number in a metre; None if they are metres."""
     if not scans:
         return None
     readings = np.concatenate([scan.ranges_m for scan in scans])

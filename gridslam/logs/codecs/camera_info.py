@@ -23,7 +23,7 @@ DISTORTION_COLUMNS = 14
 
 
 def unusable_reason(info: CameraInfo) -> SkipReason | None:
-    """The reason why no method can use the calibration; None where it can."""
+    """The reason why no method can use the calibration; None if it can."""
     if not (0 < info.width_px <= MAX_SIDE_PX and 0 < info.height_px <= MAX_SIDE_PX):
         return SkipReason.BAD_IMAGE_SIZE
     is_finite = all(np.isfinite(values).all() for values in (info.K, info.P, info.D, info.R))

@@ -129,7 +129,7 @@ def _offsets_s(times: NDArray[np.float64], usual: float, stamp_ns: int) -> NDArr
 
 
 def unusable_reason(cloud: PointCloud) -> SkipReason | None:
-    """The reason why no method can use the cloud; None where it can."""
+    """The reason why no method can use the cloud; None if it can."""
     if len(cloud.times_s) and not math.isfinite(float(cloud.times_s.sum(dtype=np.float64))):
         return SkipReason.NOT_FINITE
     return None

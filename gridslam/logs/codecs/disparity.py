@@ -19,7 +19,7 @@ from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 
 def unusable_reason(disparity: Disparity) -> SkipReason | None:
-    """The reason why no method can use the disparities; None where it can."""
+    """The reason why no method can use the disparities; None if it can."""
     is_finite = math.isfinite(disparity.focal_px) and math.isfinite(disparity.baseline_m)
     return None if is_finite else SkipReason.NOT_FINITE
 

@@ -21,7 +21,7 @@ Values = TypeVar("Values", tuple[float, float, float], tuple[float, float, float
 
 
 def measured(values: Values, covariance: float = 0.0) -> Values | None:
-    """The values, or None where the first entry of their covariance, zeros or infinities say that they were not measured."""
+    """The values, or None if the first entry of their covariance, zeros or infinities say that they were not measured."""
     return values if covariance != -1.0 and any(values) and all(map(math.isfinite, values)) else None
 
 
@@ -31,7 +31,7 @@ def rate_or_zero(value: float) -> float:
 
 
 def unusable_reason(imu: Imu) -> SkipReason | None:
-    """The reason why no method can use the reading; None where it can."""
+    """The reason why no method can use the reading; None if it can."""
     return None if math.isfinite(imu.wz_radps) else SkipReason.NOT_FINITE
 
 

@@ -18,7 +18,7 @@ _PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y, yaw among x, y, z, roll, pitch, 
 
 
 def unusable_reason(pose: AbsolutePose) -> SkipReason | None:
-    """The reason why no method can use the pose; None where it can."""
+    """The reason why no method can use the pose; None if it can."""
     if not (np.isfinite(pose.pose).all() and np.isfinite(pose.covariance).all()):
         return SkipReason.NOT_FINITE
     return SkipReason.BAD_COVARIANCE if (np.diag(pose.covariance) < 0.0).any() else None

@@ -20,7 +20,7 @@ _UNKNOWN_FIELD_OF_VIEW = 0.0
 
 
 def unusable_reason(reading: Range) -> SkipReason | None:
-    """The reason why no method can use the reading; None where it can."""
+    """The reason why no method can use the reading; None if it can."""
     if not math.isfinite(reading.bearing_rad):
         return SkipReason.NOT_FINITE
     has_limits = reading.range_max_m > max(reading.range_min_m, 0.0)

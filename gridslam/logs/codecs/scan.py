@@ -21,7 +21,7 @@ _WIDEST_SWEEP_RAD = 2.0 * math.pi * 1.05
 
 
 def unusable_reason(scan: LaserScan) -> SkipReason | None:
-    """The reason why no method can use the scan; None where it can."""
+    """The reason why no method can use the scan; None if it can."""
     beams = len(scan.ranges_m)
     if beams == 0:
         return SkipReason.NO_BEAMS

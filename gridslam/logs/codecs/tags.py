@@ -20,7 +20,7 @@ DEFINITION = "std_msgs/Header header\nstring antenna\nstring[] tag_ids\nfloat32[
 
 
 def unusable_reason(tags: TagInventory) -> SkipReason | None:
-    """The reason why no method can use the inventory; None where it can."""
+    """The reason why no method can use the inventory; None if it can."""
     return None if len(tags.tag_ids) == len(tags.rssi_dbm) else SkipReason.TAGS_AND_RSSI_DIFFER
 
 

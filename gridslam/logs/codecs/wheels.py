@@ -16,7 +16,7 @@ from gridslam.logs.skips import SkipReason
 
 
 def unusable_reason(ticks: WheelTicks) -> SkipReason | None:
-    """The reason why no method can use the angles; None where it can."""
+    """The reason why no method can use the angles; None if it can."""
     is_finite = math.isfinite(ticks.left_rad) and math.isfinite(ticks.right_rad)
     return None if is_finite else SkipReason.NOT_FINITE
 

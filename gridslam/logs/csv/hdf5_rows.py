@@ -26,9 +26,9 @@ MAX_EXPANSION, ALWAYS_UNPACKED = 100, 4 << 20
 MAX_ROW_BYTES = 1 << 20  # a scan of 131,072 ranges
 # The parts in which a data set is packed are unpacked whole, and the last one of each column is kept.
 MAX_CHUNK_BYTES, MAX_CHUNKS_BYTES = 1 << 26, 1 << 28
-TEXT_EXPANSION = 16  # of numbers written as text: a number of 16 bits takes up to 12 letters
+TEXT_EXPANSION = 16  # largest growth of numbers written as text: one of 16 bits takes up to 12 characters
 BATCH_ROWS, BATCH_BYTES = 256, 1 << 20
-TEXT_BATCH_ROWS = 16  # of texts, whose length is known only when they are read
+TEXT_BATCH_ROWS = 16  # rows with strings read together; their length is known only when they are read
 RANGES, PLAIN_RANGES = "r", "ranges"
 
 

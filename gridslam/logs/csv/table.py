@@ -225,7 +225,7 @@ class CsvTable:
 
 
 def _split(line: bytes, delimiter: str) -> list[str] | None:
-    """Fields of a line, or None where it is not text (a file system that crashed leaves zeros)."""
+    """Fields of a line, or None if it is not text (a file system that crashed leaves zeros)."""
     if b"\0" in line:
         return None
     try:

@@ -151,7 +151,7 @@ class Row:
 
 
 def path_inside(folder: Path, name: str) -> Path | None:
-    """The path of a file named inside a log, or None where it leads out of the folder, links included."""
+    """The path of a file named inside a log, or None if it leads out of the folder, links included."""
     path = folder / name
     try:
         resolved = real_path(path)

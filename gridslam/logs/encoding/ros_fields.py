@@ -40,7 +40,7 @@ def vector(values: Any, dtype: type[Scalar]) -> NDArray[Scalar]:
 
 
 def head(message: Any) -> tuple[int | None, str]:
-    """(stamp_ns, frame) of a message with a header; the stamp is None where it is invalid."""
+    """(stamp_ns, frame) of a message with a header; the stamp is None if it is invalid."""
     header = message.header
     return join_stamp(int(header.stamp.sec), int(header.stamp.nanosec)), frame_name(header.frame_id)
 

@@ -86,7 +86,7 @@ def verticals_of(readings: ImuReadings, R_base_imu: Floats, odometry: OdometryRe
 
 
 def _by_orientation(readings: ImuReadings, forces: Floats | None) -> Floats | None:
-    """The vertical `(n, 3)` in the sensor's frame by its orientation; None where there is none, or it never changes."""
+    """The vertical `(n, 3)` in the sensor's frame by its orientation; None if there is none, or it never changes."""
     quats = readings.quats
     measured = np.isfinite(quats).all(axis=1)
     if measured.mean() < MIN_MEASURED or np.ptp(quats[measured], axis=0).max() == 0.0:
@@ -132,7 +132,7 @@ def _check_angular_rates(readings: ImuReadings, up: Floats) -> None:
 
 
 def _specific_forces(forces: Floats) -> Floats | None:
-    """The forces `(n, 3)` in m/s^2; None where they are missing or are not those of gravity."""
+    """The forces `(n, 3)` in m/s^2; None if they are missing or are not those of gravity."""
     measured = np.isfinite(forces).all(axis=1)
     if measured.mean() < MIN_MEASURED:
         return None

@@ -210,7 +210,7 @@ def _is_clock(arrivals_ns: array[int], count: int) -> bool:
 
 
 def _clock_offset_ns(stream: RecordedStream) -> int | None:
-    """Nanoseconds by which the recorder's clock is ahead of the stamps; None where the offset is not constant.
+    """Nanoseconds by which the recorder's clock is ahead of the stamps; None if the offset is not constant.
 
     Messages arrive late by varying times, never early: the smallest difference is the clocks'.
     """

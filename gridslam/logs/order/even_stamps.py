@@ -21,7 +21,7 @@ MIN_SKEWNESS, NO_DELAY = 0.12, 0.05
 
 
 def evened(stamps: Stamps) -> tuple[Stamps, float] | None:
-    """Even stamps `(n,)` (ns) for those that jitter, and their jitter (s); None where they do not, or were not even."""
+    """Even stamps `(n,)` (ns) for those that jitter, and their jitter (s); None if they do not, or were not even."""
     if len(stamps) < MIN_STAMPS:
         return None
     seconds = (stamps - stamps[0]) * 1e-9

@@ -104,7 +104,7 @@ def _above_the_floor(lidar: VirtualLidar, points: Floats, counts: MessageCounts)
 
 
 def _lowest_level(points: Floats) -> float | None:
-    """The height (m) of the lowest wide and level plane through many of the points `(n, 3)`; None where there is none.
+    """The height (m) of the lowest wide and level plane through many of the points `(n, 3)`; None if there is none.
 
     Walls stand on a floor, and right above it there are fewer points: all points of a planar lidar lie in one plane as well.
     """

@@ -13,11 +13,11 @@ from gridslam.logs.config import ExtrinsicsConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.rotations import Rigid
 
-# Of the axis of a planar lidar: beyond 60 degrees its scans are not sections of a floor plan
+# Largest tilt of the axis of a planar lidar: beyond 60 degrees its scans are not sections of a floor plan
 MAX_TILT_COS = 0.5
 # Largest number of frames from a sensor to the root of its tree; arms with tools have some 20
 MAX_DEPTH = 100
-MAX_LISTED = 4  # of places that contradict each other, in a message
+MAX_LISTED = 4  # largest number of contradicting extrinsics that a message lists
 
 Tree = Mapping[str, tuple[str, Rigid]]  # child -> parent, T_parent_child
 

@@ -67,7 +67,7 @@ def find_tilt(
     tree: extrinsics.Tree,
     message_counts: MessageCounts,
 ) -> Tilt | None:
-    """The robot's tilt by the first IMU that can be trusted; None where it stays level, or no IMU knows. Both are noted."""
+    """The robot's tilt by the first IMU that can be trusted; None if it stays level, or no IMU knows. Both are noted."""
     imus = _imus(source, config)
     if not imus:
         return None
@@ -223,7 +223,7 @@ def _readings(stamps: array[int], values: array[float]) -> ImuReadings:
 
 
 def _extrinsics_of(frame: str, tree: extrinsics.Tree, config: LogConfig, base: str) -> Rigid | None:
-    """T_base_imu; None where the log does not say it."""
+    """T_base_imu; None if the log does not say it."""
     if frame in config.extrinsics:
         m = config.extrinsics[frame]
         return (m.x, m.y, m.z), rotations.from_euler(m.roll, m.pitch, m.yaw)

@@ -38,7 +38,7 @@ class Container(Protocol):
 
     @property
     def arrival_ns(self) -> int | None:
-        """Time of arrival (ns) of the last message that `messages` has yielded; None where it was not recorded."""
+        """Time of arrival (ns) of the last message that `messages` has yielded; None if it was not recorded."""
 
     def messages(self) -> Iterator[tuple[int, bytes]]:
         """(channel id, data)."""

@@ -14,13 +14,13 @@ _TYPE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}/msg/[A-Za-z][A-Za-z0-9_]{0,
 _FIELD_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}")
 _BASE_TYPE = re.compile(r"[a-z][a-z0-9]{0,19}")
 _MAX_FIELDS = 1000  # largest number of fields of one type
-_MAX_FIELDS_IN_ALL = 300  # of all types that a message is made of; those of an odometry have 35
+_MAX_FIELDS_IN_ALL = 300  # largest number of fields of all types in a message; Odometry has 35
 _MAX_TYPES = 200  # largest number of types of one definition
 _MAX_ELEMENTS = 1_000_000  # largest number of elements of a fixed array or bounded sequence
 # Largest number of structures and texts in all fixed arrays: the library generates some twenty lines of code for each
 _MAX_UNROLLED = 100
 _MAX_DEPTH = 20  # largest number of types within each other
-_FILLER = "structure_needs_at_least_one_member"  # of types without fields; ROS 1 does not write it
+_FILLER = "structure_needs_at_least_one_member"  # the field of types without fields; ROS 1 does not write it
 BASE, NAME, ARRAY, SEQUENCE = 1, 2, 3, 4  # rosbags' Nodetype
 
 Description = tuple[int, Any]

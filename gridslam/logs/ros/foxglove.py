@@ -16,7 +16,7 @@ from gridslam.logs.encoding.ros_fields import frame_name
 from gridslam.logs.message_kind import FromFoxglove
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
-_PART_STARTS = b",", b"[", b"{"  # of a part of a document each
+_PART_STARTS = b",", b"[", b"{"  # each starts a part of a document
 _MAX_PARTS = 1_000_000  # largest number in one message; each may take a hundred bytes, and more time than reading a number
 
 

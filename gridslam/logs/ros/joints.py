@@ -15,7 +15,7 @@ from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 
 class JointState(NamedTuple):
-    """A sensor_msgs/JointState without speeds and efforts; `stamp_ns` is None where the message has no valid one."""
+    """A sensor_msgs/JointState without speeds and efforts; `stamp_ns` is None if the message has no valid one."""
 
     stamp_ns: int | None
     frame_id: str

@@ -17,7 +17,7 @@ from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Schema
 from gridslam.logs.ros.types import MAX_SCHEMA_BYTES, full_name
 
-_TICK_INSTRUCTIONS = 100_000  # of SQLite's machine, after which signals are looked at
+_TICK_INSTRUCTIONS = 100_000  # number of instructions of SQLite's machine between two checks for signals
 _MAX_TOPICS = 100_000
 _MAX_NAME = 10_000  # bytes of a topic, a type and an encoding
 _MIN_MESSAGE_LIMIT = 10_000  # messages that any file may hold; a larger file one per byte

@@ -17,7 +17,7 @@ from gridslam.logs.mcap.writer import McapWriter
 from gridslam.logs.ros.encode import encode
 
 METADATA = "metadata.yaml"
-METADATA_VERSION = 5  # of ROS 2 Humble; later releases read it too
+METADATA_VERSION = 5  # that of ROS 2 Humble; later releases read it too
 LATCHED_QOS = """- history: 1
   depth: 1
   reliability: 1

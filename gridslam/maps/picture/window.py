@@ -24,7 +24,7 @@ MIN_DIVIDED_RATIO = 3.5  # ratio of the sides of a map from which on it is divid
 SHEET_RATIO = 1.3  # approximate ratio of the sides of the pieces together
 MAX_PIECES = 12
 MIN_PIECE_PX = 120
-ROWS_AT_ONCE = 64  # of a large map
+ROWS_AT_ONCE = 64  # rows of a large map that are examined together
 AXIS_RATIO = 0.06  # height of a piece's axis, as a ratio of the piece's length
 
 

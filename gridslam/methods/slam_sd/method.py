@@ -85,7 +85,7 @@ class SlamSd:
         return Estimate(self._tracker.stamps_ns[keys[-1]], poses[self._filter.best], poses)
 
     def process(self, event: Event) -> None:
-        """Take in an event; a scan is processed once odometry is checked and has reached its stamp."""
+        """Process an event; a scan is processed once odometry is checked and has reached its stamp."""
         for checked in self._odometry_check.process(event):
             self._process(checked)
 

@@ -143,7 +143,7 @@ def apart_reason(session: Session) -> str:
 
 
 def joint_trajectory(paths: Sequence[Trajectory]) -> Trajectory | None:
-    """All paths in the order of their stamps; None where a stamp would have two poses, as the times of two drives overlap.
+    """All paths in the order of their stamps; None if a stamp would have two poses, as the times of two drives overlap.
 
     Drives that were cut from one log may overlap: where both have the same stamps, the later drive's poses are used.
     """

@@ -26,15 +26,17 @@ from gridslam.report.figures.plots import Axis, axis_of, plane_axes
 Floats = NDArray[np.float64]
 
 TEXT, TITLE, NOTE = 12, 15, 9  # heights of letters, px
-LINE_PX = 20  # of text
+LINE_PX = 20  # height of a line of text
 MARGIN, TICK_PX = 12, 4
-X_TICK_PX, Y_TICK_PX = 90, 35  # between ticks, about
-SAMPLE_PX = 26  # of a line in the legend
+X_TICK_PX, Y_TICK_PX = 90, 35  # approximate distance between ticks
+SAMPLE_PX = 26  # length of a line in the legend
 START_PX = 4.0  # radius of the point at which a curve starts
-MAX_LABEL_PX = 330  # of a name in the legend
-MIN_SCALE_SPAN = 1e-3  # of the values of a scale of colours: smaller differences are all of one colour
+MAX_LABEL_PX = 330  # largest width of a name in the legend
+MIN_SCALE_SPAN = (
+    1e-3  # smallest span of the values of a colour scale: smaller differences have the same colour
+)
 GRID_COLOUR, GRID_PX = "#d5d9df", 0.7
-ROWS_AT_ONCE = 64  # of pixels behind the curves: all at once would take 100 bytes each
+ROWS_AT_ONCE = 64  # rows of background pixels computed together: they take 100 bytes a pixel
 # Width of the scale of colours, its distance and its texts
 SCALE_PX, SCALE_GAP_PX, SCALE_TEXT_PX = 14, 14, 60
 

@@ -19,7 +19,7 @@ from gridslam.report.figures.drawn_shapes import DrawnSheet
 from gridslam.report.figures.plots import thin_out
 
 Floats = NDArray[np.float64]
-MAX_POINTS = 1000  # of a path
+MAX_POINTS = 1000  # largest number of points drawn of a path
 TRUTH_COLOUR = "#555555"
 COLOURS = ("#1e6ec8", "#d9661f", "#2f9e44", "#c2255c", "#7048e8", "#0b8599", "#a17c00", "#e64980")
 LENGTHS = 8  # lengths of sub-trajectories in the plot of relative errors

@@ -13,7 +13,7 @@ from gridslam.report.figures.plots import PlanePath, plane_plot
 from gridslam.runs.run import Run
 
 RESULT_COLOUR, ODOMETRY_COLOUR, TRUTH_COLOUR = "#1e6ec8", "#d9661f", "#555555"
-FIRST_POSES = 5  # of the result, from which the odometry starts with it
+FIRST_POSES = 5  # the odometry is aligned to the first of these poses of the result that it covers
 
 
 def path_plot(run: Run) -> str | None:

@@ -24,7 +24,7 @@ WIDTH, HEIGHT = 420, 190  # units of a plot over time
 PLANE_HEIGHT = 320
 LEFT, RIGHT, TOP, BOTTOM = 50, 10, 22, 34
 X_TICKS, Y_TICKS = 6, 5
-MIN_SPAN = 1e-9  # of an axis, relative to its values
+MIN_SPAN = 1e-9  # smallest span of an axis, relative to its values
 
 
 @dataclass(frozen=True, slots=True)

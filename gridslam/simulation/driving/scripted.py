@@ -39,7 +39,7 @@ RANGER_LIMITS_M = 0.2, 5.0
 POSE_COVARIANCE = readonly(np.diag([0.02, 0.02, 0.02]) ** 2, np.float64)
 STEREO_PX = 40, 80  # rows, columns of a small disparity image
 STEREO_FOCAL_PX, STEREO_BASELINE_M = 70.0, 0.12
-OPTICAL = (0.5, -0.5, 0.5, -0.5)  # of a camera that looks ahead
+OPTICAL = (0.5, -0.5, 0.5, -0.5)  # orientation (w, x, y, z) of a camera that looks ahead
 
 Rectangle = tuple[float, float, float, float]
 HALL: Rectangle = (0.0, 0.0, 14.0, 9.0)  # x0, y0, x1, y1

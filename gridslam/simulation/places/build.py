@@ -35,7 +35,7 @@ SPEEDS_MPS: dict[Kind, tuple[float, float]] = {
     "campus": (1.2, 1.7),
 }
 MAX_SHEAR = 0.06  # no place has its walls along the map's axes, nor all of them at right angles
-DIGITS = 3  # of coordinates (m) in a world document
+DIGITS = 3  # decimals of coordinates (m) in a world document
 
 
 class _PlaceSection(StrictModel):

@@ -13,7 +13,7 @@ from gridslam.simulation.places.layout import XY, Lane, Layout
 
 STRAIGHT_RAD = 0.03  # a node is driven through without stopping where the lane goes on within this
 SHORTEST_M = 2.0  # there is no turning back for less
-SPACING_M = (8.0, 20.0)  # of the way points between nodes
+SPACING_M = (8.0, 20.0)  # smallest and largest distance of waypoints between nodes
 
 
 def travel(layout: Layout, travel_m: float, rng: np.random.Generator) -> tuple[list[XY], float]:

@@ -78,7 +78,7 @@ class Lidar(Stream):
     tail_fraction: Fraction = 0.01
     tail_scale: Positive = 8.0
     bias_m: Number = 0.0
-    dropout: Fraction = 0.002  # of all beams, without an echo
+    dropout: Fraction = 0.002  # fraction of all beams that have no echo
     grazing_dropout: Fraction = 0.3  # added at an incidence of 90 degrees on a black surface
     outliers: Fraction = 0.0005  # readings of dust, anywhere before the surface
     divergence_deg: NotNegative = 0.3
@@ -181,7 +181,7 @@ class Antenna(Stream):
     fading_db: Positive = 3.0
     wall_loss_db: NotNegative = 15.0
     missed: Fraction = 0.05
-    false_reads: Fraction = 0.002  # of the rounds: they also report a random tag of the world
+    false_reads: Fraction = 0.002  # fraction of the rounds that also report a random tag of the world
 
 
 class AbsolutePoses(Stream):

@@ -42,7 +42,7 @@ class ObjectLayer(Protocol):
         """Whether objects can be found: then the particles are weighted by those that are found again."""
 
     def add_round(self, event: TagInventory) -> None:
-        """Take in one inventory round."""
+        """Add one inventory round."""
 
     def place_rounds(
         self,
@@ -56,7 +56,7 @@ class ObjectLayer(Protocol):
         """
 
     def add_key_scan(self, scan: PreparedScan, pose: Floats, path: Floats) -> None:
-        """Take in one key scan at a pose (3,) of the front end's frame; `path` `(k, 3)` is the best particle's so far."""
+        """Add one key scan at a pose (3,) of the front end's frame; `path` `(k, 3)` is the best particle's so far."""
 
     def log_weights(self, paths: Floats) -> Floats | None:
         """Log weights `(n,)` of the particles' paths `(n, k, 3)` by the objects found again since the last call, if any."""

@@ -52,12 +52,12 @@ Floats = NDArray[np.float64]
 
 NEIGHBOUR_NS = 20_000_000_000  # objects read within this time of each other may explain the same beams
 SILENCE_RADIUS_M = 3.0  # a tag farther from the robot is not expected to be read
-# Of the silent rounds if the object still stood there; below it the scans are compared as well
+# Log probability of the silent rounds, if the object is still there, below which the scans are examined as well
 GONE_LOG_PROBABILITY = -8.0
 
 
 class ObjectTracker:
-    """Takes in key scans and inventory rounds, and keeps the history of each object."""
+    """Keeps the history of each object, from key scans and inventory rounds."""
 
     def __init__(
         self, models: Sequence[ObjectModel], settings: ObjectSettings, rng: np.random.Generator
@@ -80,12 +80,12 @@ class ObjectTracker:
         return self._counters + self._visits.counters
 
     def add_round(self, inventory: InventoryRound) -> None:
-        """Take in one inventory round, in the front end's frame."""
+        """Add one inventory round, in the front end's frame."""
         self._observations.rounds.append(inventory)
         self._visits.add(inventory)
 
     def add_scan(self, scan: KeyScanObservation, path: Floats) -> None:
-        """Take in one key scan; `path` `(k, 3)` is the best particle's so far, including this scan."""
+        """Add one key scan; `path` `(k, 3)` is the best particle's so far, including this scan."""
         self._observations.scans.append(scan)
         for name, visit in self._visits.take_ended(scan.stamp_ns).items():
             self._close_visit(self.objects[name], visit, path)

@@ -37,7 +37,7 @@ class OpenVisits:
         return name in self._visits
 
     def add(self, inventory: InventoryRound) -> None:
-        """Take in one round; several tags of one object count as one read, tags that the database lacks are counted."""
+        """Add one round; several tags of one object count as one read, tags that the database lacks are counted."""
         known = {self._object_of_tag[tag] for tag in inventory.tag_ids if tag in self._object_of_tag}
         unknown = sum(tag not in self._object_of_tag for tag in inventory.tag_ids)
         if unknown:

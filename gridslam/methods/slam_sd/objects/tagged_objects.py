@@ -66,7 +66,7 @@ class TaggedObjects:
         return [history for history in self._tracker.objects.values() if history.episodes]
 
     def add_round(self, event: TagInventory) -> None:
-        """Take in one inventory round; it waits for the next scan."""
+        """Add one inventory round; it waits for the next scan."""
         self._waiting.append(event)
 
     def place_rounds(
@@ -91,7 +91,7 @@ class TaggedObjects:
                 self._tracker.add_round(InventoryRound(event.stamp_ns, antenna, event.tag_ids))
 
     def add_key_scan(self, scan: PreparedScan, pose: Floats, path: Floats) -> None:
-        """Take in one key scan at a pose (3,) of the front end's frame; `path` `(k, 3)` is the best particle's so far."""
+        """Add one key scan at a pose (3,) of the front end's frame; `path` `(k, 3)` is the best particle's so far."""
         with self._stopwatch.stage("objects"):
             self._tracker.add_scan(KeyScanObservation(self._key_scans, scan.stamp_ns, pose, scan), path)
             self._key_scans += 1
