@@ -40,11 +40,8 @@ Floats = NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
 
-OBSTACLE_WEIGHTS = (
-    0.0,
-    1.5,
-    6.0,
-)  # extra cost of a metre right beside an obstacle; each gives one guide path
+# Extra cost of a metre right beside an obstacle; each weight gives one guide path
+OBSTACLE_WEIGHTS = (0.0, 1.5, 6.0)
 SAME_GUIDE_PATH_M = 1e-3
 SAME_PLACE_M = 1e-6
 # These bound the time of a plan: a longer guide path gets one candidate only, with one pass of improvement, or none

@@ -12,9 +12,8 @@ from gridslam.lidar_slam.sessions.stored_scans import CHUNK_SCANS, MAX_POINT_M, 
 from gridslam.lidar_slam.sway import MAX_SWING_M
 
 Arrays = dict[str, NDArray[Any]]
-Schema = dict[
-    str, tuple[str, int]
-]  # name of an array: its type, and its number of columns (0: one dimension)
+# Name of an array: its type, and its number of columns (0: one dimension)
+Schema = dict[str, tuple[str, int]]
 
 MAX_POINT_BYTES = 1 << 29  # largest size of the unpacked points: some 100,000 key scans
 MAX_SCAN_POINTS = 100_000
@@ -42,9 +41,8 @@ RANGES: dict[str, tuple[float, float]] = {  # lowest and highest value of an arr
     "drawn.pose": _POSES,
     "change.stamps_ns": _STAMPS,
 }
-SWAY_SCHEMA: Schema = {
-    "scan.swing": ("<f8", 2)
-}  # only if a robot sways: the shift of the lidar at every scan
+# Only if a robot sways: the shift of the lidar at every scan
+SWAY_SCHEMA: Schema = {"scan.swing": ("<f8", 2)}
 SCHEMA: Schema = {
     "drive.scans": ("<i8", 0),  # number of scans of each drive
     "drive.keys": ("<i8", 0),  # number of its key scans

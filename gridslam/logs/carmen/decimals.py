@@ -27,9 +27,8 @@ def parse_decimals(text: bytes) -> Floats:
     spaces = np.flatnonzero(characters == _SPACE)
     starts = np.concatenate([[0], spaces + 1])  # of each word, in `characters`
     ends = np.concatenate([spaces, [len(characters)]])
-    digits = characters - np.uint8(
-        _ZERO
-    )  # other characters become numbers above 9: those below "0" wrap round
+    # Other characters become numbers above 9: those below "0" wrap round.
+    digits = characters - np.uint8(_ZERO)
     is_digit = digits < 10
     digits_before = np.zeros(len(characters) + 1, np.int32)
     np.cumsum(is_digit, out=digits_before[1:], dtype=np.int32)

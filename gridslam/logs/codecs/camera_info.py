@@ -1,4 +1,4 @@
-"""Camera calibrations: sensor_msgs/CameraInfo, foxglove.CameraCalibration, rows of CSV."""
+"""Codecs of camera calibrations: sensor_msgs/CameraInfo, foxglove.CameraCalibration and CSV rows."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gridslam.logs.encoding.ros_fields import plain_name, valid_head, vector
 from gridslam.logs.skips import SkipReason
 
 MAX_SIDE_PX = 1 << 20
-# Of a table: the coefficients of OpenCV's longest model; further ones are in one text column
+# Columns of a table for distortion coefficients: as many as OpenCV's longest model has; further ones are in one text column
 DISTORTION_COLUMNS = 14
 
 
@@ -31,7 +31,7 @@ def unusable_reason(info: CameraInfo) -> SkipReason | None:
 
 
 def from_ros(message: Any, topic: str) -> CameraInfo:
-    """The calibration of a decoded sensor_msgs/CameraInfo."""
+    """The calibration in a sensor_msgs/CameraInfo."""
     return CameraInfo(
         *valid_head(message),
         width_px=int(message.width),
@@ -46,7 +46,7 @@ def from_ros(message: Any, topic: str) -> CameraInfo:
 
 
 def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> CameraInfo:
-    """The calibration of a foxglove.CameraCalibration."""
+    """The calibration in a foxglove.CameraCalibration."""
     return CameraInfo(
         stamp_ns,
         frame,
@@ -62,7 +62,7 @@ def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> Camera
 
 
 def to_ros(info: CameraInfo, topic: str | None) -> list[Encoded]:
-    """sensor_msgs/CameraInfo."""
+    """One sensor_msgs/CameraInfo."""
     body = with_header(info).uint32(info.height_px, info.width_px).text(info.distortion_model)
     body.sequence(np.asarray(info.D, dtype=np.float64), 8)
     for matrix in (info.K, info.R, info.P):
@@ -73,7 +73,7 @@ def to_ros(info: CameraInfo, topic: str | None) -> list[Encoded]:
 
 
 def from_csv(rows: list[Row]) -> CameraInfo:
-    """The calibration of one row."""
+    """The calibration in one row; a missing rotation is the identity."""
     (row,) = rows
     distortion = [row.number(f"d{i}", math.nan) for i in range(DISTORTION_COLUMNS)]
     distortion += parse_numbers(row.text("d_rest").split())
@@ -95,14 +95,14 @@ def from_csv(rows: list[Row]) -> CameraInfo:
 
 
 def whole(value: float) -> int:
-    """The number as an integer. Raises ValueError: it is none."""
+    """The number as an integer. Raises ValueError: it is not a whole number."""
     if not value.is_integer():
         raise ValueError(f"{value} is not a whole number")
     return int(value)
 
 
 def to_csv(info: CameraInfo, pictures: PictureWriter) -> list[list[str]]:
-    """One row."""
+    """One row: camera, size, K, P, D, R and distortion model."""
     numbers = [number_field(float(v)) for v in (*np.ravel(info.K), *np.ravel(info.P))]
     distortion = [number_field(float(v)) for v in info.D]
     rest = " ".join(distortion[DISTORTION_COLUMNS:])

@@ -1,4 +1,4 @@
-"""Point clouds: sensor_msgs/PointCloud2 of any field layout, and livox_ros_driver's CustomMsg."""
+"""Codecs of point clouds: sensor_msgs/PointCloud2 with any layout of fields, and livox_ros_driver's CustomMsg."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"
 # other name with one of these parts is taken as well.
 _TIME_FIELDS = ("t", "time", "timestamp", "time_stamp", "offset_time", "time_offset", "ts", "dt")
 _TIME_PARTS = ("time", "stamp")
-# Largest difference of the stamp of a point from the header's: beyond it they are of two clocks
+# Largest difference between the stamp of a point and that of the header: beyond it they are from two clocks
 _MAX_DELAY_S = 3.0
-_MAX_OFFSET_S = 0.5  # largest offset of a first point that is none of another clock
+_MAX_OFFSET_S = 0.5  # largest offset of the first point: beyond it the offsets are from another clock
 _UNITS_S = (1.0, 1e-3, 1e-6, 1e-9)
-_SWEEPS_S = (0.003, 3.0)  # times that lidars take for a cloud: in one unit only
-_MIN_SWEEP_S = 5e-4  # shortest time of a part of a sweep, where the unit is the usual one
+# Shortest and longest time that lidars take for a cloud; only one unit gives such a time
+_SWEEPS_S = (0.003, 3.0)
+_MIN_SWEEP_S = 5e-4  # shortest time of a part of a sweep, if the unit is the usual one
 _SMALLEST_NUMBER = 1e-100  # smaller numbers of 64 bits are integers that a driver calls floats
 _MAX_POINTS = 4_000_000
 
 
 def from_ros(message: Any, topic: str) -> PointCloud:
-    """The cloud of a decoded sensor_msgs/PointCloud2; points without finite coordinates are left out."""
+    """The cloud in a sensor_msgs/PointCloud2, without points at the origin and points without finite coordinates."""
     stamp_ns, frame = valid_head(message)
     fields = {str(field.name): field for field in message.fields}
     count = int(message.width) * int(message.height)
@@ -45,7 +46,7 @@ def from_ros(message: Any, topic: str) -> PointCloud:
     usable = np.isfinite(points).all(axis=1)
     points = points[usable]
     times, unit_s = _times(message, fields)
-    is_return = points.any(axis=1)  # those at the origin are none, and their times say nothing
+    is_return = points.any(axis=1)  # drivers write the origin for no return, and a meaningless time
     offsets = (
         _offsets_s(times[usable][is_return], unit_s, stamp_ns) if len(times) else np.zeros(0, np.float32)
     )
@@ -57,7 +58,7 @@ def from_ros(message: Any, topic: str) -> PointCloud:
 
 
 def from_livox(message: Any, topic: str) -> PointCloud:
-    """The cloud of a decoded livox_ros_driver(2)/CustomMsg; points at the origin are not returns."""
+    """The cloud in a livox_ros_driver(2)/CustomMsg, without points at the origin, which are not returns."""
     stamp_ns, frame = valid_head(message)
     if len(message.points) > _MAX_POINTS:
         raise UnusableMessageError(SkipReason.TOO_MANY_POINTS)
@@ -70,7 +71,7 @@ def from_livox(message: Any, topic: str) -> PointCloud:
 
 
 def _column(message: Any, field: Any) -> NDArray[np.generic]:
-    """One field of all points `(n,)`, rows' padding left out. Raises ValueError: the layout does not fit the data."""
+    """One field of all points `(n,)`; padding of rows is skipped. Raises ValueError: the layout does not fit the data."""
     height, width = int(message.height), int(message.width)
     step, row_step, offset = int(message.point_step), int(message.row_step), int(field.offset)
     kind = np.dtype((">" if message.is_bigendian else "<") + _TYPES[int(field.datatype)])
@@ -87,7 +88,7 @@ def _column(message: Any, field: Any) -> NDArray[np.generic]:
 
 
 def _times(message: Any, fields: Mapping[str, Any]) -> tuple[NDArray[np.float64], float]:
-    """The times of the points `(n,)` as recorded, empty without any, and their unit by the standard (s).
+    """The times of the points `(n,)` as recorded, empty if there are none, and their usual unit in seconds.
 
     Integers are nanoseconds, and floats seconds; two fields may hold the seconds and the nanoseconds.
     """
@@ -110,8 +111,8 @@ def _times(message: Any, fields: Mapping[str, Any]) -> tuple[NDArray[np.float64]
 def _offsets_s(times: NDArray[np.float64], usual: float, stamp_ns: int) -> NDArray[np.float32]:
     """Times of the points `(n,)` after the header's stamp (s), given their times in a unit that is perhaps the `usual` one (s).
 
-    Drivers write other units, and stamps instead of offsets, perhaps of another clock: the unit is the one that gives the time of
-    a sweep. Empty where none does.
+    Drivers write other units, or stamps (perhaps from another clock) instead of offsets. The unit is taken with which the times
+    last as long as a sweep; if there is none, the result is empty.
     """
     known = times[np.isfinite(times)]
     if len(known) < len(times):  # no method can use the cloud
@@ -136,13 +137,13 @@ def unusable_reason(cloud: PointCloud) -> SkipReason | None:
 
 
 def to_ros(cloud: PointCloud, topic: str | None) -> list[Encoded]:
-    """sensor_msgs/PointCloud2 with x, y, z and, where the cloud has them, times (s)."""
+    """One sensor_msgs/PointCloud2 with x, y, z and, if the cloud has them, times (s)."""
     names = ("x", "y", "z", "time")[: 4 if len(cloud.times_s) else 3]
     columns = [cloud.points_m, *([cloud.times_s[:, None]] if len(cloud.times_s) else [])]
     data = np.ascontiguousarray(np.hstack(columns), "<f4")
     body = with_header(cloud).uint32(1, len(data), len(names))
-    for place, name in enumerate(names):
-        body.text(name).uint32(4 * place).uint8(7).uint32(1)
+    for column, name in enumerate(names):
+        body.text(name).uint32(4 * column).uint8(7).uint32(1)
     body.uint8(0).uint32(4 * len(names), 4 * len(names) * len(data))
     body.sequence(data.view(np.uint8).reshape(-1), 1).uint8(1)
     return single_message(topic or "/points", "sensor_msgs/msg/PointCloud2", cloud, body)

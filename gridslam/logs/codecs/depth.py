@@ -1,4 +1,4 @@
-"""Depth images: sensor_msgs/Image of depths, foxglove.RawImage of depths, rows of CSV."""
+"""Codecs of depth images: sensor_msgs/Image, CompressedImage and foxglove.RawImage of depths, and CSV rows."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def is_depth(message: Any, topic: str) -> bool:
 
 
 def from_compressed(message: Any, topic: str) -> DepthImage:
-    """The depths of a decoded sensor_msgs/CompressedImage."""
+    """The depths in a sensor_msgs/CompressedImage."""
     depth = compressed_depth(bytes(message.data), str(message.format))
     return DepthImage(*valid_head(message), readonly(depth, np.float32), camera_of(topic))
 
 
 def from_ros(message: Any, topic: str) -> DepthImage:
-    """The depths of a decoded sensor_msgs/Image."""
+    """The depths in a sensor_msgs/Image."""
     depth = depth_of(
         str(message.encoding),
         height=int(message.height),
@@ -48,7 +48,7 @@ def from_ros(message: Any, topic: str) -> DepthImage:
 
 
 def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> DepthImage:
-    """The depths of a foxglove.RawImage."""
+    """The depths in a foxglove.RawImage."""
     depth = depth_of(
         str(message.encoding),
         height=int(message.height),
@@ -61,19 +61,19 @@ def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> DepthI
 
 
 def to_ros(depth: DepthImage, topic: str | None) -> list[Encoded]:
-    """sensor_msgs/Image of float32 metres."""
+    """One sensor_msgs/Image of float32 metres."""
     body = write_picture(with_header(depth), "32FC1", depth.depth_m, 4)
     return single_message(topic or f"/{depth.camera or 'camera'}/depth", "sensor_msgs/msg/Image", depth, body)
 
 
 def from_csv(rows: list[Row]) -> DepthImage:
-    """The depths whose file one row names."""
+    """The depths in the file that one row names."""
     (row,) = rows
     depth = readonly(read_floats(row.file()), np.float32)
     return DepthImage(row.stamp_ns, row.frame, depth, row.text("camera"))
 
 
 def to_csv(depth: DepthImage, pictures: PictureWriter) -> list[list[str]]:
-    """One row; the depths become a .npy file."""
+    """One row with the name of a .npy file, which is written."""
     name = pictures.write_floats("depth", depth, depth.depth_m)
     return [[name_field(depth.camera), name, name_field(depth.frame_id)]]

@@ -1,4 +1,4 @@
-"""Disparity images: stereo_msgs/DisparityImage, rows of CSV."""
+"""Codecs of disparity images: stereo_msgs/DisparityImage and CSV rows."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def unusable_reason(disparity: Disparity) -> SkipReason | None:
 
 
 def from_ros(message: Any, topic: str) -> Disparity:
-    """The disparities of a decoded stereo_msgs/DisparityImage.
+    """The disparities in a stereo_msgs/DisparityImage.
 
-    NaN where a value is below the message's smallest disparity or not finite: no match.
+    Values that are not finite or below the message's smallest disparity mean no match, and become NaN.
     """
     picture = message.image
     if str(picture.encoding) != "32FC1":
@@ -54,7 +54,7 @@ def from_ros(message: Any, topic: str) -> Disparity:
 
 
 def to_ros(disparity: Disparity, topic: str | None) -> list[Encoded]:
-    """stereo_msgs/DisparityImage."""
+    """One stereo_msgs/DisparityImage."""
     body = with_header(disparity).header(disparity.stamp_ns, disparity.frame_id)
     write_picture(body, "32FC1", disparity.disparity_px, 4)
     body.float32(disparity.focal_px, disparity.baseline_m)
@@ -66,7 +66,7 @@ def to_ros(disparity: Disparity, topic: str | None) -> list[Encoded]:
 
 
 def from_csv(rows: list[Row]) -> Disparity:
-    """The disparities whose file one row names."""
+    """The disparities in the file that one row names."""
     (row,) = rows
     return Disparity(
         row.stamp_ns,
@@ -78,8 +78,8 @@ def from_csv(rows: list[Row]) -> Disparity:
     )
 
 
-def to_csv(d: Disparity, pictures: PictureWriter) -> list[list[str]]:
-    """One row; the disparities become a .npy file."""
-    name = pictures.write_floats("disparity", d, d.disparity_px)
-    numbers = [single_field(d.focal_px), single_field(d.baseline_m)]
-    return [[name_field(d.camera), name, *numbers, name_field(d.frame_id)]]
+def to_csv(disparity: Disparity, pictures: PictureWriter) -> list[list[str]]:
+    """One row with the name of a .npy file, which is written."""
+    name = pictures.write_floats("disparity", disparity, disparity.disparity_px)
+    numbers = [single_field(disparity.focal_px), single_field(disparity.baseline_m)]
+    return [[name_field(disparity.camera), name, *numbers, name_field(disparity.frame_id)]]

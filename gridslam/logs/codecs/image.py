@@ -1,4 +1,4 @@
-"""Camera images: sensor_msgs/Image and CompressedImage, Foxglove's images, rows of CSV."""
+"""Codecs of camera images: sensor_msgs/Image and CompressedImage, foxglove.RawImage and CompressedImage, and CSV rows."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gridslam.logs.stereo import is_raw
 
 
 def from_ros(message: Any, topic: str) -> Image:
-    """The pixels of a decoded sensor_msgs/Image in grey or colour."""
+    """The image in a sensor_msgs/Image, grey or RGB."""
     raw = RawImage(
         str(message.encoding),
         height=int(message.height),
@@ -34,13 +34,13 @@ def from_ros(message: Any, topic: str) -> Image:
 
 
 def from_compressed(message: Any, topic: str) -> Image:
-    """The pixels of a decoded sensor_msgs/CompressedImage."""
+    """The image in a sensor_msgs/CompressedImage."""
     pixels = compressed_pixels(bytes(message.data), str(message.format))
     return Image(*valid_head(message), readonly(pixels, np.uint8), camera_of(topic), is_raw(topic))
 
 
 def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> Image:
-    """The pixels of a foxglove.RawImage."""
+    """The image in a foxglove.RawImage."""
     raw = RawImage(
         str(message.encoding),
         height=int(message.height),
@@ -53,7 +53,7 @@ def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> Image:
 
 
 def from_foxglove_compressed(stamp_ns: int, frame: str, message: Any, topic: str) -> Image:
-    """The pixels of a foxglove.CompressedImage."""
+    """The image in a foxglove.CompressedImage."""
     pixels = compressed_pixels(base64_bytes(message.data), str(getattr(message, "format", "")))
     return Image(stamp_ns, frame, readonly(pixels, np.uint8), camera_of(topic), is_raw(topic))
 
@@ -67,7 +67,7 @@ def write_picture(body: CdrWriter, encoding: str, pixels: Any, bytes_per_pixel: 
 
 
 def to_ros(image: Image, topic: str | None) -> list[Encoded]:
-    """sensor_msgs/Image."""
+    """One sensor_msgs/Image."""
     encoding, bytes_per_pixel = ("mono8", 1) if image.pixels.ndim == 2 else ("rgb8", 3)
     body = write_picture(with_header(image), encoding, image.pixels, bytes_per_pixel)
     name = topic or f"/{image.camera or 'camera'}/{'image_raw' if image.is_raw else 'image'}"
@@ -98,13 +98,13 @@ def stereo_to_images(pair: StereoPair, topic: str | None) -> list[tuple[Event, s
 
 
 def from_csv(rows: list[Row]) -> Image:
-    """The image whose file one row names."""
+    """The image in the file that one row names."""
     (row,) = rows
     pixels = readonly(read_pixels(row.file()), np.uint8)
     return Image(row.stamp_ns, row.frame, pixels, row.text("camera"), bool(row.number("raw", 0.0)))
 
 
 def to_csv(image: Image, pictures: PictureWriter) -> list[list[str]]:
-    """One row; the pixels become a PNG."""
+    """One row with the name of a PNG file, which is written."""
     name = pictures.write_pixels("image", image, image.pixels)
     return [[name_field(image.camera), name, str(int(image.is_raw)), name_field(image.frame_id)]]

@@ -1,4 +1,4 @@
-"""Turn rates, orientations and accelerations: checks, sensor_msgs/Imu, rows of CSV."""
+"""Codecs of IMU readings: sensor_msgs/Imu and CSV rows."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Values = TypeVar("Values", tuple[float, float, float], tuple[float, float, float
 
 
 def measured(values: Values, covariance: float = 0.0) -> Values | None:
-    """The values, or None if the first entry of their covariance, zeros or infinities say that they were not measured."""
+    """The values; None if they were not measured: their covariance starts with -1, or they are all zero or not finite."""
     return values if covariance != -1.0 and any(values) and all(map(math.isfinite, values)) else None
 
 
@@ -36,7 +36,7 @@ def unusable_reason(imu: Imu) -> SkipReason | None:
 
 
 def from_ros(message: Any, topic: str) -> Imu:
-    """The turn rates, orientation and acceleration of a decoded sensor_msgs/Imu."""
+    """The reading in a sensor_msgs/Imu."""
     rate, quat = message.angular_velocity, message.orientation
     force = message.linear_acceleration
     return Imu(
@@ -55,7 +55,7 @@ def from_ros(message: Any, topic: str) -> Imu:
 
 
 def to_ros(imu: Imu, topic: str | None) -> list[Encoded]:
-    """sensor_msgs/Imu; what was not measured has a covariance that says so."""
+    """One sensor_msgs/Imu; the covariance of values that were not measured starts with -1."""
     w, x, y, z = imu.quat_wxyz or (1.0, 0.0, 0.0, 0.0)
     body = with_header(imu).float64(x, y, z, w, *_covariance(imu.quat_wxyz))
     body.float64(imu.wx_radps, imu.wy_radps, imu.wz_radps, *_UNKNOWN_COVARIANCE)
@@ -64,7 +64,7 @@ def to_ros(imu: Imu, topic: str | None) -> list[Encoded]:
 
 
 def from_csv(rows: list[Row]) -> Imu:
-    """The reading of one row."""
+    """The reading in one row."""
     (row,) = rows
     w, x, y, z = (row.number(name, _ABSENT) for name in _QUATERNION)
     ax, ay, az = (row.number(name, _ABSENT) for name in _ACCELERATION)
@@ -80,7 +80,7 @@ def from_csv(rows: list[Row]) -> Imu:
 
 
 def to_csv(imu: Imu, pictures: PictureWriter) -> list[list[str]]:
-    """One row."""
+    """One row: turn rates wz, wx, wy, quaternion w, x, y, z, and acceleration."""
     rates = (imu.wz_radps, imu.wx_radps, imu.wy_radps)
     quat, force = imu.quat_wxyz or (_ABSENT,) * 4, imu.accel_mps2 or (_ABSENT,) * 3
     return [[number_field(value) for value in (*rates, *quat, *force)]]

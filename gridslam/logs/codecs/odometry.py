@@ -91,6 +91,7 @@ def from_csv(rows: list[Row]) -> Odometry:
     )
 
 
-def to_csv(o: Odometry, pictures: PictureWriter) -> list[list[str]]:
+def to_csv(odometry: Odometry, pictures: PictureWriter) -> list[list[str]]:
     """One CSV row: x, y, yaw, vx, wz; unknown velocities are empty fields."""
-    return [[number_field(v) for v in (o.x_m, o.y_m, o.yaw_rad, o.vx_mps, o.wz_radps)]]
+    values = (odometry.x_m, odometry.y_m, odometry.yaw_rad, odometry.vx_mps, odometry.wz_radps)
+    return [[number_field(v) for v in values]]

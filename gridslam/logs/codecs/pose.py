@@ -1,4 +1,4 @@
-"""Absolute poses: checks, geometry_msgs/PoseWithCovarianceStamped, rows of CSV."""
+"""Codecs of absolute poses: geometry_msgs/PoseWithCovarianceStamped and CSV rows."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def unusable_reason(pose: AbsolutePose) -> SkipReason | None:
 
 
 def from_ros(message: Any, topic: str) -> AbsolutePose:
-    """The pose of a decoded geometry_msgs/PoseWithCovarianceStamped: x, y, yaw and their covariance."""
+    """The planar pose and its covariance in a geometry_msgs/PoseWithCovarianceStamped."""
     pose = message.pose.pose
     full = np.asarray(message.pose.covariance, dtype=np.float64).reshape(6, 6)
     planar = full[_PLANAR]
@@ -35,7 +35,7 @@ def from_ros(message: Any, topic: str) -> AbsolutePose:
 
 
 def to_ros(pose: AbsolutePose, topic: str | None) -> list[Encoded]:
-    """geometry_msgs/PoseWithCovarianceStamped."""
+    """One geometry_msgs/PoseWithCovarianceStamped."""
     full = np.zeros((6, 6))
     full[_PLANAR] = pose.covariance
     x, y, yaw = (float(v) for v in pose.pose)
@@ -45,7 +45,7 @@ def to_ros(pose: AbsolutePose, topic: str | None) -> list[Encoded]:
 
 
 def from_csv(rows: list[Row]) -> AbsolutePose:
-    """The pose of one row; covariances between x, y and yaw default to 0."""
+    """The pose in one row; covariances between x, y and yaw default to 0."""
     (row,) = rows
     pose = np.array([row.number("x"), row.number("y"), row.yaw()])
     xy, xt, yt = (row.number(name, 0.0) for name in ("cov_xy", "cov_xyaw", "cov_yyaw"))
@@ -56,7 +56,7 @@ def from_csv(rows: list[Row]) -> AbsolutePose:
 
 
 def to_csv(pose: AbsolutePose, pictures: PictureWriter) -> list[list[str]]:
-    """One row."""
+    """One row: x, y, yaw, their variances, and the covariances of xy, x yaw and y yaw."""
     c = pose.covariance
     values = [*pose.pose, c[0, 0], c[1, 1], c[2, 2], c[0, 1], c[0, 2], c[1, 2]]
     return [[number_field(float(v)) for v in values]]

@@ -1,4 +1,4 @@
-"""Readings of single-beam rangers: checks, sensor_msgs/Range with its servo, rows of CSV."""
+"""Codecs of readings of single-beam rangers: sensor_msgs/Range with the servo's sensor_msgs/JointState, and CSV rows."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def unusable_reason(reading: Range) -> SkipReason | None:
 
 
 def from_ros(message: Any, bearing_of: Callable[[str], float]) -> Range:
-    """The reading of a decoded sensor_msgs/Range; `bearing_of(frame)` is the angle (rad) of the frame's servo."""
+    """The reading in a sensor_msgs/Range; `bearing_of(frame)` is the angle (rad) of the frame's servo."""
     stamp_ns, frame = valid_head(message)
     return Range(
         stamp_ns,
@@ -51,7 +51,7 @@ def to_ros(reading: Range, topic: str | None) -> list[Encoded]:
 
 
 def from_csv(rows: list[Row]) -> Range:
-    """The reading of one row."""
+    """The reading in one row."""
     (row,) = rows
     value = row.number("range", math.nan)
     if row.is_marked_invalid("range"):
@@ -66,7 +66,7 @@ def from_csv(rows: list[Row]) -> Range:
     )
 
 
-def to_csv(r: Range, pictures: PictureWriter) -> list[list[str]]:
-    """One row."""
-    limits = [single_field(v) for v in (r.range_m, r.range_min_m, r.range_max_m)]
-    return [[name_field(r.frame_id), number_field(r.bearing_rad), *limits]]
+def to_csv(reading: Range, pictures: PictureWriter) -> list[list[str]]:
+    """One row: sensor, bearing, range, and its limits."""
+    limits = [single_field(v) for v in (reading.range_m, reading.range_min_m, reading.range_max_m)]
+    return [[name_field(reading.frame_id), number_field(reading.bearing_rad), *limits]]

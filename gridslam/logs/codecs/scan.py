@@ -1,4 +1,4 @@
-"""Laser scans: checks, sensor_msgs/LaserScan and MultiEchoLaserScan, foxglove.LaserScan, rows of CSV."""
+"""Codecs of laser scans: sensor_msgs/LaserScan and MultiEchoLaserScan, foxglove.LaserScan, and CSV rows."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gridslam.logs.encoding.encoded import Encoded, single_message, with_header
 from gridslam.logs.encoding.ros_fields import valid_head, vector
 from gridslam.logs.skips import SkipReason
 
-# Some lidars overlap their own sweep a little; none goes round twice
+# Largest angle of a sweep: some lidars overlap their own sweep a little; none goes round twice
 _WIDEST_SWEEP_RAD = 2.0 * math.pi * 1.05
 
 
@@ -36,12 +36,12 @@ def unusable_reason(scan: LaserScan) -> SkipReason | None:
 
 
 def from_ros(message: Any, topic: str) -> LaserScan:
-    """The scan of a decoded sensor_msgs/LaserScan."""
+    """The scan in a sensor_msgs/LaserScan."""
     return _scan(message, message.ranges)
 
 
 def from_multi_echo(message: Any, topic: str) -> LaserScan:
-    """The scan of a decoded sensor_msgs/MultiEchoLaserScan: each beam's strongest echo, the first without intensities."""
+    """The scan in a sensor_msgs/MultiEchoLaserScan: the strongest echo of each beam or, without intensities, the first."""
     intensities = message.intensities
     has_intensities = len(intensities) == len(message.ranges)
     ranges = [
@@ -52,7 +52,7 @@ def from_multi_echo(message: Any, topic: str) -> LaserScan:
 
 
 def _strongest(ranges: Sequence[float], intensities: Sequence[float]) -> float:
-    """The range (m) of the echo of the largest intensity, of the first among equal ones; infinite without an echo."""
+    """Range (m) of the strongest echo (of equal ones, the first); infinite if there is none."""
     if not len(ranges):
         return math.inf
     return float(ranges[int(np.argmax(intensities))] if len(intensities) == len(ranges) else ranges[0])
@@ -73,7 +73,7 @@ def _scan(message: Any, ranges: Any) -> LaserScan:
 
 
 def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> LaserScan:
-    """The scan of a foxglove.LaserScan: its angles include the last beam's; the type has no range limits."""
+    """The scan in a foxglove.LaserScan, which states the angles of the first and the last beam, and no range limits."""
     ranges = np.array([np.nan if r is None else r for r in message.ranges], dtype=np.float64)
     span = float(message.end_angle) - float(message.start_angle)
     return LaserScan(
@@ -88,7 +88,7 @@ def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> LaserS
 
 
 def to_ros(scan: LaserScan, topic: str | None) -> list[Encoded]:
-    """sensor_msgs/LaserScan."""
+    """One sensor_msgs/LaserScan."""
     last = scan.angle_max_rad
     if math.isnan(last):
         last = as_float32(scan.angle_min_rad + (len(scan.ranges_m) - 1) * scan.angle_increment_rad)
@@ -100,7 +100,7 @@ def to_ros(scan: LaserScan, topic: str | None) -> list[Encoded]:
 
 
 def from_csv(rows: list[Row]) -> LaserScan:
-    """The scan of one row."""
+    """The scan in one row."""
     (row,) = rows
     return LaserScan(
         row.stamp_ns,

@@ -1,4 +1,4 @@
-"""Inventories of RFID tags: checks, gridslam_msgs/TagInventory, rows of CSV."""
+"""Codecs of RFID inventories: gridslam_msgs/TagInventory and CSV rows."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def unusable_reason(tags: TagInventory) -> SkipReason | None:
 
 
 def from_ros(message: Any, topic: str) -> TagInventory:
-    """The inventory of a decoded gridslam_msgs/TagInventory."""
+    """The inventory in a gridslam_msgs/TagInventory."""
     return TagInventory(
         *valid_head(message),
         antenna=plain_name(message.antenna),
@@ -35,14 +35,14 @@ def from_ros(message: Any, topic: str) -> TagInventory:
 
 
 def to_ros(tags: TagInventory, topic: str | None) -> list[Encoded]:
-    """gridslam_msgs/TagInventory."""
+    """One gridslam_msgs/TagInventory."""
     body = with_header(tags).text(tags.antenna).texts(tags.tag_ids)
     body.sequence(np.array(tags.rssi_dbm, dtype=np.float32), 4)
     return single_message(topic or "/tags", "gridslam_msgs/msg/TagInventory", tags, body)
 
 
 def from_csv(rows: list[Row]) -> TagInventory:
-    """The inventory of the rows of one stamp and antenna; a row without a tag_id stands for an empty one."""
+    """The inventory in the rows with one stamp and antenna; it is empty if they have no tag_id."""
     reads = [row for row in rows if row.text("tag_id")]
     return TagInventory(
         rows[0].stamp_ns,
@@ -54,7 +54,7 @@ def from_csv(rows: list[Row]) -> TagInventory:
 
 
 def to_csv(tags: TagInventory, pictures: PictureWriter) -> list[list[str]]:
-    """A row for each tag, or one row without a tag_id for an empty inventory."""
+    """One row per tag, or one row without a tag_id for an empty inventory. Raises LogError: a tag has no id."""
     antenna, frame = name_field(tags.antenna), name_field(tags.frame_id)
     if not tags.tag_ids:
         return [[antenna, "", "", frame]]

@@ -1,4 +1,4 @@
-"""Conversion of transforms from and to tf2_msgs/TFMessage and rows of CSV, and the check of their values."""
+"""Codecs of transforms: tf2_msgs/TFMessage and CSV rows."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def unusable_reason(transform: Transform) -> SkipReason | None:
 
 
 def from_ros(message: Any, is_static: bool) -> list[Transform]:
-    """The transforms of a decoded tf2_msgs/TFMessage; an invalid stamp becomes INVALID_STAMP_NS."""
+    """The transforms in a tf2_msgs/TFMessage; an invalid stamp becomes INVALID_STAMP_NS."""
     found = []
     for item in message.transforms:
         stamp, parent = head(item)
@@ -50,7 +50,7 @@ def from_ros(message: Any, is_static: bool) -> list[Transform]:
 
 
 def to_ros(transform: Transform, topic: str | None) -> list[Encoded]:
-    """A tf2_msgs/TFMessage with one transform; without `topic`, for /tf or /tf_static."""
+    """One tf2_msgs/TFMessage with the transform; the default topic is /tf or /tf_static."""
     w, x, y, z = transform.quat_wxyz
     count = 1
     body = CdrWriter().uint32(count).header(transform.stamp_ns, transform.frame_id)
@@ -60,7 +60,7 @@ def to_ros(transform: Transform, topic: str | None) -> list[Encoded]:
 
 
 def from_csv(rows: list[Row]) -> Transform:
-    """The transform in one row; not static. Raises ValueError: a field is not a number."""
+    """The transform in one row, not marked as static."""
     (row,) = rows
     return Transform(
         row.stamp_ns,
@@ -72,6 +72,6 @@ def from_csv(rows: list[Row]) -> Transform:
 
 
 def to_csv(transform: Transform, pictures: PictureWriter) -> list[list[str]]:
-    """The transform as one row; it has no pictures."""
+    """One row: parent, child, x, y, z, and quaternion w, x, y, z."""
     frames = (name_field(transform.frame_id), name_field(transform.child_frame_id))
     return [[*frames, *(number_field(v) for v in (*transform.translation_m, *transform.quat_wxyz))]]

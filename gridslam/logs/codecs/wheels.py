@@ -1,4 +1,4 @@
-"""Wheel angles: checks, sensor_msgs/JointState, rows of CSV."""
+"""Codecs of wheel angles: sensor_msgs/JointState and CSV rows."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ def unusable_reason(ticks: WheelTicks) -> SkipReason | None:
 
 
 def joint_state(event: WheelTicks | Range, angles_rad: dict[str, float]) -> CdrWriter:
-    """A sensor_msgs/JointState of angles by joint, without speeds and efforts."""
+    """The body of a sensor_msgs/JointState with angles by joint, without speeds and efforts."""
     body = with_header(event).texts(list(angles_rad))
     body.sequence(np.array(list(angles_rad.values()), dtype=np.float64), 8)
     return body.uint32(0).uint32(0)
 
 
 def to_ros(ticks: WheelTicks, topic: str | None) -> list[Encoded]:
-    """sensor_msgs/JointState of the joints `left_wheel` and `right_wheel`."""
+    """One sensor_msgs/JointState of the joints `left_wheel` and `right_wheel`."""
     body = joint_state(ticks, {"left_wheel": ticks.left_rad, "right_wheel": ticks.right_rad})
     return single_message(topic or "/joint_states", "sensor_msgs/msg/JointState", ticks, body)
 
 
 def from_csv(rows: list[Row]) -> WheelTicks:
-    """The angles of one row."""
+    """The angles in one row."""
     (row,) = rows
     return WheelTicks(row.stamp_ns, row.frame, row.number("left"), row.number("right"))
 
 
 def to_csv(ticks: WheelTicks, pictures: PictureWriter) -> list[list[str]]:
-    """One row."""
+    """One row: left and right angle."""
     return [[number_field(ticks.left_rad), number_field(ticks.right_rad)]]

@@ -33,9 +33,8 @@ from gridslam.logs.datasets.tables import (
 Floats = NDArray[np.float64]
 
 CAMERAS = ("cam0", "cam1")  # left, right
-R_BASE_CAMERA = np.array(
-    [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
-)  # optical axes of the left camera
+# Rotation of the optical frame (x to the right, y down, z forward) in the base frame
+R_BASE_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 TRUTH_FOLDERS = ("state_groundtruth_estimate0", "mocap0", "vicon0")
 MAX_SIDE_PX = 100_000  # largest width or height of an image
 COEFFICIENT_COUNTS = (4, 5, 8, 12, 14)  # the numbers of coefficients in OpenCV's distortion models

@@ -21,10 +21,8 @@ class RecordReader:
     damage: Damage
     channels: Definitions[Channel] = field(default_factory=lambda: Definitions())
     schemas: Definitions[Schema] = field(default_factory=lambda: Definitions())
-    _last: tuple[bytes, int] = (
-        b"",
-        0,
-    )  # the data with the last message, and where the body of its record begins
+    # The data with the last message, and where the body of its record begins
+    _last: tuple[bytes, int] = b"", 0
 
     @property
     def arrival_ns(self) -> int | None:

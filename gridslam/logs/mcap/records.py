@@ -16,11 +16,8 @@ MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
 STATISTICS, DATA_END = 0x0B, 0x0F
 KNOWN_OPCODES = range(1, 16)
-SKIPPED_OPCODES = (
-    MESSAGE_INDEX,
-    0x09,
-    0x0C,
-)  # skipped in the data section: message index, attachment, metadata
+# Skipped in the data section: message index, attachment, metadata
+SKIPPED_OPCODES = (MESSAGE_INDEX, 0x09, 0x0C)
 RECORD = struct.Struct("<BQ")
 MESSAGE_RECORD = struct.Struct("<BQH")
 MESSAGE_HEAD_BYTES = 22  # channel u16, sequence u32, log time u64, publish time u64
