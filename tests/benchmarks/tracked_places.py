@@ -60,14 +60,14 @@ def tracked_place(kind: Kind, seed: int, travel_m: float) -> TrackedPlace:
                 yield event
 
     tracker = _tracked(events())
-    return TrackedPlace(tracker.key_scans, tracker.key_poses, _at(np.array(truth), tracker.key_scans))
+    return TrackedPlace(tracker.key_scans, tracker.path.key_poses, _at(np.array(truth), tracker.key_scans))
 
 
 def tracked_log(log: Path) -> TrackedPlace:
     """A recorded log, tracked by the front end alone; what loop closure makes of it stands for the truth."""
     with open_log(log) as source:
         tracker = _tracked(source.events())
-    scans, track = tracker.key_scans, tracker.key_poses
+    scans, track = tracker.key_scans, tracker.path.key_poses
     return TrackedPlace(scans, track, close_trajectory(scans, track).poses)
 
 

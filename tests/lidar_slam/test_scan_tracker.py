@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 
 def tracked(events: Iterable[Event]) -> ScanTracker:
-    """A tracker that has taken in all events."""
+    """A tracker that has processed all events."""
     odometry = OdometryConfig()
     tracker = ScanTracker(FrontEnd(odometry, 100.0), ScanConfig(), odometry, KeyScanSpacing(0.25, 0.25))
 
@@ -42,7 +42,7 @@ def tracked(events: Iterable[Event]) -> ScanTracker:
 
 def errors_of(tracker: ScanTracker, laps: int = 1) -> tuple[float, float]:
     """Largest errors of the path's poses: m and rad."""
-    difference = se2.between(hall.path(laps), np.array(tracker.track_poses))
+    difference = se2.between(hall.path(laps), np.array(tracker.path.poses))
     return float(np.hypot(*difference[:, :2].T).max()), float(np.abs(difference[:, 2]).max())
 
 
@@ -68,7 +68,7 @@ def scans(laps: int = 1) -> list[Event]:
 def test_a_log_without_odometry_is_tracked_as_well_as_with_it() -> None:
     with_odometry = tracked(hall.events(1))
     without = tracked(scans())
-    assert len(without.track_poses) == len(hall.path(1))
+    assert len(without.path.poses) == len(hall.path(1))
     assert errors_of(without)[0] < max(2.0 * errors_of(with_odometry)[0], 0.1)
     assert without.counters["scan.without_odometry"] == len(hall.path(1))
     assert list(without.motion_measures) == ["constant_velocity"]
@@ -119,7 +119,7 @@ def test_a_robot_that_turns_far_during_a_gap_in_the_scans_is_found_again_without
     kept = [e for k, e in enumerate(scans()) if k not in gap]
     tracker = tracked(kept)
     truth = np.delete(hall.path(1), list(gap), axis=0)
-    difference = se2.between(truth, np.array(tracker.track_poses))
+    difference = se2.between(truth, np.array(tracker.path.poses))
     assert np.abs(difference[:, 2]).max() < 0.1
     assert np.hypot(*difference[:, :2].T).max() < 0.2
 
@@ -157,14 +157,14 @@ def two_lidars() -> list[Event]:
 def test_the_scans_of_two_lidars_are_tracked_together(has_odometry: bool) -> None:
     events = [e for e in two_lidars() if has_odometry or not isinstance(e, Odometry)]
     tracker = tracked(events)
-    stamps = np.array(tracker.stamps_ns)
+    stamps = np.array(tracker.path.stamps_ns)
     expected = hall.path(1)[(stamps - stamps[0]) // hall.PERIOD_NS]
     assert len(stamps) > 1.4 * len(hall.path(1))
-    difference = se2.between(expected, np.array(tracker.track_poses))
+    difference = se2.between(expected, np.array(tracker.path.poses))
     assert np.hypot(*difference[:, :2].T).max() < 0.15
-    key_scans = len(tracker.keys)
+    key_scans = len(tracker.path.keys)
     one = tracked(e for e in events if getattr(e, "frame_id", "") != "right")
-    assert key_scans > 1.5 * len(one.keys)
+    assert key_scans > 1.5 * len(one.path.keys)
 
 
 def test_a_path_that_jumps_from_scan_to_scan_is_doubted_unless_odometry_says_so_too() -> None:

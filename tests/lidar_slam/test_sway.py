@@ -152,10 +152,10 @@ def test_the_trajectory_is_that_of_the_robot_and_not_of_its_lidar(z_m: float) ->
     assert tracker.sway is not None
     assert tracker.sway.is_levelled == (z_m > 0.0)
     assert tracker.sway.note in tracker.motion_notes
-    found = tracker.corrected(tracker.key_poses).poses
+    found = tracker.corrected(tracker.path.key_poses).poses
     errors_m = (se2.between(found[0], found) - se2.between(robot[0], robot))[:, :2]
     assert np.hypot(*(errors_m - np.median(errors_m, axis=0)).T).mean() < 0.008
-    assert np.hypot(*(np.array(tracker.track_poses) - found)[:, :2].T).max() > 0.03
+    assert np.hypot(*(np.array(tracker.path.poses) - found)[:, :2].T).max() > 0.03
 
 
 def test_matching_that_slides_along_a_corridor_is_no_sway() -> None:
@@ -164,5 +164,5 @@ def test_matching_that_slides_along_a_corridor_is_no_sway() -> None:
     with open_log(SAMPLE, kinds=["scan", "odom"]) as log:
         tracker.track_all(log.events())
     tracker.remove_sway()
-    assert len(tracker.stamps_ns) > 300
+    assert len(tracker.path.stamps_ns) > 300
     assert tracker.sway is None

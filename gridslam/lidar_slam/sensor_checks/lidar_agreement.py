@@ -128,4 +128,4 @@ def _path_of(lidar: str, events: Sequence[Event], tracker: ScanTracker) -> Lidar
         for e in events
         if not isinstance(e, Odometry | Imu) and not (isinstance(e, LaserScan) and lidar_of(e) != lidar)
     )
-    return LidarPath(tracker.track_all(own).sorted(), tracker.open_ns())
+    return LidarPath(tracker.track_all(own).sorted(), tracker.path.open_ns())

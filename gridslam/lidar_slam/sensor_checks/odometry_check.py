@@ -289,7 +289,7 @@ class OdometryCheck:
 
     def _open_ns(self) -> NDArray[np.int64]:
         """The stretches `(k, 2)` of the tracker's path on which the scans do not show how far the robot moved."""
-        return NO_STRETCHES if self._tracker is None else self._tracker.open_ns()
+        return NO_STRETCHES if self._tracker is None else self._tracker.path.open_ns()
 
     def _restart_path(self) -> None:
         """Forget the path: it must be tracked anew with other scans."""

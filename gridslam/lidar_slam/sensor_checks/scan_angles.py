@@ -107,5 +107,5 @@ def _matches_better(
     for used in (scans, [angles.applied_to(scan) for scan in scans]):
         tracker = build_tracker()
         tracker.track_all(used)
-        ratios.append(float(np.mean(tracker.inlier_ratios)))
+        ratios.append(float(np.mean(tracker.path.inlier_ratios)))
     return ratios[1] > ratios[0] + MIN_GAIN

@@ -86,7 +86,7 @@ def find_sweep_time(
     scans = [e for e in events if isinstance(e, LaserScan)]
     if (
         len({(lidar_of(s), s.time_increment_s == 0.0) for s in scans}) != 1
-        or len(tracker.stamps_ns) < MIN_TURNING_SCANS
+        or len(tracker.path.stamps_ns) < MIN_TURNING_SCANS
     ):
         return None
     steps_s = np.diff(_times_s(tracker))
@@ -170,7 +170,7 @@ def _vertex(values: Floats) -> float:
 
 def _times_s(tracker: ScanTracker) -> Floats:
     """Times `(n,)` of the tracked scans (s), from the first."""
-    stamps_ns = np.array(tracker.stamps_ns, np.int64)
+    stamps_ns = np.array(tracker.path.stamps_ns, np.int64)
     return np.asarray((stamps_ns - stamps_ns[0]) * 1e-9)
 
 
@@ -184,12 +184,12 @@ class _Trials:
         self._events = events
         self._build_tracker = build_tracker
         times_s = _times_s(at_once)
-        self._origin_ns = at_once.stamps_ns[0]
+        self._origin_ns = at_once.path.stamps_ns[0]
         self._middles_s = 0.5 * (times_s[1:] + times_s[:-1])
-        poses = np.array(at_once.track_poses)
+        poses = np.array(at_once.path.poses)
         self._twists = se2.between(poses[:-1], poses[1:]) / np.diff(times_s)[:, None]
         self.turning = np.flatnonzero(np.abs(self._twists[:, 2]) > MIN_YAW_RATE_RADPS) + 1
-        self._found = {0.0: at_once.inlier_ratios[self.turning]}
+        self._found = {0.0: at_once.path.inlier_ratios[self.turning]}
 
     def ratios(self, sweep_s: float) -> Floats:
         """Inlier ratios `(k,)` of the turning scans, with the robot's motion undone over this time of a sweep (s)."""
@@ -201,7 +201,7 @@ class _Trials:
         tracker = self._build_tracker()
         tracker.known_twist = lambda stamp_ns: self._twist(stamp_ns, 0.5 * sweep_s)
         _track(tracker, self._events, sweep_s)
-        return tracker.inlier_ratios
+        return tracker.path.inlier_ratios
 
     def _twist(self, stamp_ns: int, later_s: float) -> Floats:
         at = (stamp_ns - self._origin_ns) * 1e-9 + later_s

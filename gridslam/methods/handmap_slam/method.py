@@ -78,9 +78,9 @@ class HandmapSlam:
     def estimate(self) -> Estimate | None:
         """T_map_base at the last scan (m)."""
         tracker = self._scan_tracker
-        if not tracker.stamps_ns:
+        if not tracker.path.stamps_ns:
             return None
-        return Estimate(tracker.stamps_ns[-1], tracker.pose)
+        return Estimate(tracker.path.stamps_ns[-1], tracker.path.pose)
 
     @property
     def drawing_pose(self) -> DrawingPose | None:
@@ -121,7 +121,7 @@ class HandmapSlam:
             poses = (
                 self._key_drawing_poses
                 if laid is None or not laid.fits
-                else laid.poses_at(self._scan_tracker.keys)
+                else laid.poses_at(self._scan_tracker.path.keys)
             )
             observed = coverage_of(self.drawn, key_scans, poses, sigma_m)
             picture = picture_of(self.drawn, key_scans, poses)
@@ -136,8 +136,8 @@ class HandmapSlam:
             notes=[*self._odometry_check.notes(), *self._scan_tracker.motion_notes],
             timings_s=dict(self._stopwatch.seconds),
             measures={**measures_of(self.drawn, updates, observed), **self._key_scan_measures(metric)},
-            loops_ns=self._scan_tracker.stamps_of(metric.loops),
-            untrusted_ns=self._scan_tracker.unmatched_ns(),
+            loops_ns=self._scan_tracker.path.stamps_of(metric.loops),
+            untrusted_ns=self._scan_tracker.path.unmatched_ns(),
         )
         if laid is not None:
             result = laid.add_to(result)
@@ -159,7 +159,7 @@ class HandmapSlam:
 
     def _inlier_ratio(self) -> Series:
         tracker = self._scan_tracker
-        return Series(np.array(tracker.stamps_ns, np.int64), tracker.inlier_ratios, "fraction")
+        return Series(np.array(tracker.path.stamps_ns, np.int64), tracker.path.inlier_ratios, "fraction")
 
     def _add_scan(self, placed: PlacedScan) -> None:
         """Track one scan in metres, then in the drawing."""
@@ -174,7 +174,7 @@ class HandmapSlam:
                 self._line_front_end.drawing_pose = self._drawing_tracker.pose
             tracker.track(placed, scan)
         with self._stopwatch.stage("drawing"):
-            tracked = TrackedScan(scan, tracker.pose, len(tracker.track_poses) - 1, endpoints)
+            tracked = TrackedScan(scan, tracker.path.pose, len(tracker.path.poses) - 1, endpoints)
             self._drawing_tracker.add_scan(tracked, lines)
         if tracker.is_key_scan_due:
             with self._stopwatch.stage("front_end"):
@@ -193,16 +193,16 @@ class HandmapSlam:
         motion = {
             **tracker.motion_measures,
             "odometry_check": self._odometry_check.measures(),
-            "lidars": tracker.lidar_measures,
+            "lidars": tracker.path.lidar_measures,
             "open_stretch": tracker.open_stretch,
         }
-        measures: dict[str, object] = {"key_scans": len(tracker.keys), "motion": motion}
+        measures: dict[str, object] = {"key_scans": len(tracker.path.keys), "motion": motion}
         if metric.optimised is not None:
             measures["pose_graph"] = metric.optimised.measures
         return measures
 
     def _counters(self) -> dict[str, int]:
-        used = Counter({"used.scan": len(self._scan_tracker.stamps_ns)})
+        used = Counter({"used.scan": len(self._scan_tracker.path.stamps_ns)})
         counters = used + self._odometry_check.counters
         counters += self._scan_tracker.counters + self._drawing_tracker.counters
         return {name: int(count) for name, count in counters.items()}

@@ -40,16 +40,16 @@ def finish_map(config: HandmapSlamConfig, tracker: ScanTracker) -> MetricMap:
 
     Raises MethodError if the map would exceed the memory limit.
     """
-    key_poses = tracker.key_poses
+    key_poses = tracker.path.key_poses
     optimised = None
     resolution = config.map.resolution_m
     memory_limit_mb = config.advanced.memory_limit_mb
-    drift = replace(DriftModel.of(config.advanced.loop_closure), slips_m2=tracker.key_slips_m2)
+    drift = replace(DriftModel.of(config.advanced.loop_closure), slips_m2=tracker.path.key_slips_m2)
     if config.pose_graph.enabled:
         optimised = close_trajectory(tracker.key_scans, key_poses, drift=drift)
         key_poses = optimised.poses
         resolution = config.pose_graph.resolution_m or resolution
     occupancy = draw_map(tracker.key_scans, key_poses, resolution, memory_limit_mb)
     loops = Edges.none() if optimised is None else optimised.loops
-    consistency = assess_map(tracker.key_scans, key_poses, tracker.key_poses, loops, drift)
+    consistency = assess_map(tracker.key_scans, key_poses, tracker.path.key_poses, loops, drift)
     return MetricMap(tracker.corrected(key_poses), occupancy, consistency, loops, optimised)

@@ -74,7 +74,7 @@ class DriveClosing:
                 return assess_map(*scans_to_compare(drive.continued.session), self._drift)
             tracker = self.tracker
             return assess_map(
-                tracker.key_scans, drive.poses, tracker.key_poses, drive.loops, self._track_drift
+                tracker.key_scans, drive.poses, tracker.path.key_poses, drive.loops, self._track_drift
             )
 
     def drawn(
@@ -114,13 +114,13 @@ class DriveClosing:
     @property
     def _track_drift(self) -> DriftModel:
         """The drift of this drive's track, with what it may have slipped without odometry."""
-        return replace(self._drift, slips_m2=self.tracker.key_slips_m2)
+        return replace(self._drift, slips_m2=self.tracker.path.key_slips_m2)
 
     def _optimised(self, key_poses: Floats) -> tuple[ClosedTrajectory, dict[str, object]]:
         """The key scans after loop closure, given their poses `(k, 3)`, and its measures; moved objects give no constraint."""
         closed = close_trajectory(
             self.objects.all_without_moved_objects(self.tracker.key_scans, key_poses),
-            self.tracker.key_poses,
+            self.tracker.path.key_poses,
             self.objects.landmarks(key_poses),
             self._track_drift,
         )

@@ -78,11 +78,11 @@ class SlamSd:
     @property
     def estimate(self) -> Estimate | None:
         """The best particle's pose at the last key scan, and all particles."""
-        keys = self._tracker.keys
+        keys = self._tracker.path.keys
         if not keys:
             return None
         poses = self._filter.poses
-        return Estimate(self._tracker.stamps_ns[keys[-1]], poses[self._filter.best], poses)
+        return Estimate(self._tracker.path.stamps_ns[keys[-1]], poses[self._filter.best], poses)
 
     def process(self, event: Event) -> None:
         """Process an event; a scan is processed once odometry is checked and has reached its stamp."""
@@ -103,7 +103,7 @@ class SlamSd:
             self._process_scan(placed)
         self._tracker.refuse_without_readings()
         self._tracker.remove_sway()
-        if not self._tracker.keys:
+        if not self._tracker.path.keys:
             return RunResult(Trajectory.empty(), counters=self._counters())
         self._objects.finish(self._filter.best_trajectory)
         closing = DriveClosing(
@@ -133,8 +133,8 @@ class SlamSd:
             counters=self._counters(),
             notes=[*self._odometry_check.notes(), *tracker.motion_notes],
             measures={**self._measures(), **drive.measures},
-            loops_ns=tracker.stamps_of(drive.loops),
-            untrusted_ns=tracker.unmatched_ns(),
+            loops_ns=tracker.path.stamps_of(drive.loops),
+            untrusted_ns=tracker.path.unmatched_ns(),
         )
         return_freed_memory()
         with self._stopwatch.stage("map_consistency"):
@@ -153,14 +153,14 @@ class SlamSd:
         particles, tracker = self._filter, self._tracker
         return {
             "particles": len(particles.poses),
-            "key_scans": len(tracker.keys),
+            "key_scans": len(tracker.path.keys),
             "resamplings": particles.resamplings,
             "maps_redrawn": particles.redrawn_maps,
             "tiles_mb": round(particles.memory_mb, 3),
             "motion": {
                 **tracker.motion_measures,
                 "odometry_check": self._odometry_check.measures(),
-                "lidars": tracker.lidar_measures,
+                "lidars": tracker.path.lidar_measures,
                 "open_stretch": tracker.open_stretch,
             },
         }
@@ -197,7 +197,7 @@ class SlamSd:
         with self._stopwatch.stage("front_end"):
             scan = tracker.prepare(placed)
             tracker.track(placed, scan)
-            self._objects.place_rounds(tracker.stamps_ns, tracker.track_poses, tracker.sensor_extrinsics)
+            self._objects.place_rounds(tracker.path.stamps_ns, tracker.path.poses, tracker.sensor_extrinsics)
             if not tracker.is_key_scan_due:
                 return
             step = tracker.add_key_scan(scan)
@@ -218,7 +218,7 @@ class SlamSd:
 
     def _update_objects(self, scan: PreparedScan) -> None:
         """Give the key scan to the objects, and weight the particles by the objects that were found again."""
-        self._objects.add_key_scan(scan, self._tracker.pose, self._filter.best_trajectory)
+        self._objects.add_key_scan(scan, self._tracker.path.pose, self._filter.best_trajectory)
         weights = self._objects.log_weights(self._filter.trajectories) if self._objects.may_find else None
         if weights is not None:
             self._filter.add_evidence(weights)
@@ -229,14 +229,16 @@ class SlamSd:
 
     def _series(self) -> dict[str, Series]:
         tracker = self._tracker
-        stamps = tracker.key_stamps_ns
+        stamps = tracker.path.key_stamps_ns
         found = {
             name: Series(stamps, np.array(values), DIAGNOSTIC_UNITS[name])
             for name, values in self._diagnostics.items()
         }
         return {
             **found,
-            "inlier_ratio": Series(np.array(tracker.stamps_ns, np.int64), tracker.inlier_ratios, "fraction"),
+            "inlier_ratio": Series(
+                np.array(tracker.path.stamps_ns, np.int64), tracker.path.inlier_ratios, "fraction"
+            ),
         }
 
     def _counters(self) -> dict[str, int]:

@@ -40,9 +40,9 @@ def drive_of(log: str, tracker: ScanTracker, scans: Sequence[PreparedScan]) -> D
     """The tracked log as a drive; `scans` are its key scans as they are kept."""
     return Drive(
         log,
-        np.array(tracker.stamps_ns, np.int64),
-        np.array(tracker.track_poses),
-        keys=np.array(tracker.keys, np.int64),
+        np.array(tracker.path.stamps_ns, np.int64),
+        np.array(tracker.path.poses),
+        keys=np.array(tracker.path.keys, np.int64),
         scans=scans,
         range_m=range_m_of(scans),
         swing_m=None if tracker.sway is None else tracker.sway.shifts_m,
