@@ -69,7 +69,7 @@ def test_featureless_walls_correct_no_odometry_and_are_said(place: dict[str, Any
     events, length_m = driven(place)
     check = OdometryCheck(new_tracker, Stopwatch())
     passed = [e for event in events for e in check.process(event)] + list(check.flush())
-    assert not check.correction.faults
+    assert not check.faults.odometry.faults
     tracker = new_tracker()
     path = tracker.track_all(passed)
     assert np.hypot(*np.diff(path.poses[:, :2], axis=0).T).sum() == pytest.approx(length_m, rel=0.03)

@@ -1,4 +1,4 @@
-"""Events with the faults that the check has found removed, in the order of their corrected stamps."""
+"""Events without the faults that the check has found, in the order of their corrected stamps."""
 
 from __future__ import annotations
 
@@ -11,44 +11,38 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
-from gridslam.lidar_slam.sensor_checks.extrinsics_calibration import ExtrinsicsCheck
-from gridslam.lidar_slam.sensor_checks.gyro_calibration import GyroCorrection
 from gridslam.lidar_slam.sensor_checks.heading_errors import NO_ERRORS
 from gridslam.lidar_slam.sensor_checks.odometry_calibration import OdometryCorrection
 from gridslam.lidar_slam.sensor_checks.own_body import LaterBodies
-from gridslam.lidar_slam.sensor_checks.scan_repairs import ScanRepairs
+from gridslam.lidar_slam.sensor_checks.sensor_faults import SensorFaults
 from gridslam.lidar_slam.sensor_checks.stamp_order import StampOrder
 
 Floats = NDArray[np.float64]
 
 
 class CorrectedEvents:
-    """Passes on events corrected; those whose stamps move wait for what comes before them now.
+    """Corrects events. Those whose stamps are corrected wait for the events that now come before them.
 
-    Parts of the robot that come into view later are added to the repairs' bodies.
+    Parts of the robot that come into view later are added to the bodies in `faults`.
     """
 
-    def __init__(
-        self,
-        correction: OdometryCorrection,
-        gyro: GyroCorrection | None,
-        repairs: ScanRepairs,
-        extrinsics: ExtrinsicsCheck,
-    ) -> None:
-        self._correction, self._gyro, self._repairs, self._extrinsics = correction, gyro, repairs, extrinsics
-        self._corrector = OdometryCorrector(correction)
+    def __init__(self, faults: SensorFaults) -> None:
+        self._faults = faults
+        self._corrector = OdometryCorrector(faults.odometry)
         self._later_bodies = LaterBodies()
-        self._early: deque[Event] = deque()  # corrected odometry, and what else is later than the last scan
-        late_s = [fault.lag_s for fault in repairs.lidars if fault.lag_s]
+        self._early: deque[Event] = (
+            deque()
+        )  # corrected odometry, and other events that are later than the last scan
+        late_s = [fault.lag_s for fault in faults.scans.lidars if fault.lag_s]
         self._ordered = StampOrder(round(max(0.0, *late_s) * 1e9)) if late_s else None
 
     def add(self, event: Event, rotation_rad: float) -> Iterator[Event]:
         """Process an event at which the robot has turned by `rotation_rad` in all; yields what need not wait any more."""
         recorded_ns = event.stamp_ns
-        event = self._without_later_bodies(self._repairs.applied_to(event), rotation_rad)
-        event = self._extrinsics.applied_to(event)
-        if self._gyro is not None and isinstance(event, Imu):
-            event = self._gyro.applied_to(event)
+        event = self._without_later_bodies(self._faults.scans.applied_to(event), rotation_rad)
+        event = self._faults.extrinsics.applied_to(event)
+        if self._faults.gyro is not None and isinstance(event, Imu):
+            event = self._faults.gyro.applied_to(event)
         if self._ordered is None or isinstance(event, Transform):
             yield from self._released(event)
             return
@@ -66,13 +60,13 @@ class CorrectedEvents:
     def _released(self, event: Event) -> Iterator[Event]:
         """The event; odometry waits until events have reached its corrected stamp.
 
-        Where scans are late, all else but transforms waits for them.
+        If scans are late, all other events but transforms wait for them.
         """
-        if not (self._correction.faults or self._repairs.late_scans_s):
+        if not (self._faults.odometry.faults or self._faults.scans.late_scans_s):
             yield event
         elif isinstance(event, Odometry):
             self._early.append(self._corrector.corrected(event))
-        elif self._repairs.late_scans_s and not isinstance(event, LaserScan):
+        elif self._faults.scans.late_scans_s and not isinstance(event, LaserScan):
             if isinstance(event, Transform):
                 yield event
             else:
@@ -89,20 +83,21 @@ class CorrectedEvents:
         body = self._later_bodies.found_in(event, rotation_rad)
         if body is None:
             return event
-        self._repairs.own_bodies.append(body)
+        self._faults.scans.own_bodies.append(body)
         return body.removed_from(event)
 
 
 class OdometryCorrector:
-    """Corrects the odometry of a log message by message; velocities are left out."""
+    """Corrects the odometry of a log message by message; corrected messages have no velocities."""
 
     def __init__(self, correction: OdometryCorrection) -> None:
         self._correction = correction
-        self._last: tuple[float, Floats] | None = None  # time (s) and pose with errors of the heading
-        self._pose = np.zeros(3)  # without them
+        # Time (s) of the last odometry, and its pose `(3,)` with and without the errors of the heading
+        self._last: tuple[float, Floats] | None = None
+        self._pose = np.zeros(3)
 
     def corrected(self, odometry: Odometry) -> Odometry:
-        """The next odometry of the log; the same object where there are no faults."""
+        """The next odometry of the log, corrected; the same object if there are no faults."""
         if not self._correction.faults:
             return odometry
         pose = self._correction.poses(odometry.pose)

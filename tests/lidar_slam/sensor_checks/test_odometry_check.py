@@ -14,7 +14,7 @@ from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
 from gridslam.lidar_slam.scan_tracker import ScanTracker
-from gridslam.lidar_slam.sensor_checks import odometry_check
+from gridslam.lidar_slam.sensor_checks import fault_search
 from gridslam.lidar_slam.sensor_checks.odometry_calibration import calibrate
 from gridslam.lidar_slam.sensor_checks.odometry_check import OdometryCheck
 from gridslam.lidar_slam.sensor_checks.scan_repairs import reversed_sense
@@ -127,7 +127,7 @@ def test_a_map_that_may_be_mirrored_is_doubted_unless_an_imu_decides(
         given += [Imu(e.stamp_ns, "imu", wz) for e, wz in zip(right, rates.tolist(), strict=True)]
         given.sort(key=lambda e: e.stamp_ns)
     check, _ = checked(given)
-    assert check.repairs.is_upside_down == (imu_sign == -1.0)
+    assert check.faults.scans.is_upside_down == (imu_sign == -1.0)
     assert (check.doubt is not None) == is_doubted
     assert any(says in note for note in check.notes())
 
@@ -145,7 +145,7 @@ def test_odometry_whose_stamps_are_early_is_given_on_no_sooner_than_the_scans_ne
     events = [replace(e, stamp_ns=e.stamp_ns - NS) if isinstance(e, Odometry) else e for e in hall.events(1)]
     events.sort(key=lambda e: e.stamp_ns)
     check, given = checked(events)
-    assert check.correction.lag_s == pytest.approx(-1.0, abs=0.05)
+    assert check.faults.odometry.lag_s == pytest.approx(-1.0, abs=0.05)
     stamps = [e.stamp_ns for e in given]
     assert stamps == sorted(stamps)
     assert sum(isinstance(e, LaserScan) for e in given) == len(hall.path(1))
@@ -154,14 +154,14 @@ def test_odometry_whose_stamps_are_early_is_given_on_no_sooner_than_the_scans_ne
 def test_scans_that_are_late_by_their_sweep_get_the_stamps_of_its_start(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(odometry_check, "stated_sweep_s", lambda scans: 0.3)
+    monkeypatch.setattr(fault_search, "stated_sweep_s", lambda scans: 0.3)
     right = [e.stamp_ns for e in hall.events(1) if isinstance(e, LaserScan)]
     late = (
         replace(e, stamp_ns=e.stamp_ns + 3 * NS // 10) if isinstance(e, LaserScan) else e
         for e in hall.events(1)
     )
     check, given = checked(sorted(late, key=lambda e: e.stamp_ns))
-    assert not check.correction.faults
+    assert not check.faults.odometry.faults
     assert check.measures()["late_scans_s"] == 0.3
     assert "at the end of their sweep, 0.300 s after the first beam" in check.notes()[0]
     assert [e.stamp_ns for e in given if isinstance(e, LaserScan)] == right
@@ -172,7 +172,7 @@ def test_scans_that_are_late_by_their_sweep_get_the_stamps_of_its_start(
 
 def test_a_late_scan_at_the_start_of_a_simulated_clock_has_no_stamp_before_it() -> None:
     check = OdometryCheck(new_tracker, Stopwatch())
-    check.repairs.late_scans_s = 0.3
+    check.faults.scans.late_scans_s = 0.3
     scan = replace(next(e for e in hall.events(1) if isinstance(e, LaserScan)), stamp_ns=NS // 10)
     assert [e.stamp_ns for e in (*check.process(scan), *check.flush())] == [0]
 
@@ -202,7 +202,7 @@ def test_odometry_decides_on_the_sense_of_scans_that_contradict_themselves() -> 
     ]
     check, given = checked(wrong)
     assert any("that of the odometry is used" in note for note in check.notes())
-    assert not check.correction.faults
+    assert not check.faults.odometry.faults
     scans = [e for e in given if isinstance(e, LaserScan)]
     for found, expected in zip(scans, right, strict=True):
         assert found.angle_min_rad == pytest.approx(expected.angle_min_rad, abs=1e-5)

@@ -85,7 +85,7 @@ def test_a_robot_that_stands_for_long_before_it_drives_off_is_known_by_its_drive
     events = [replace(e, stamp_ns=e.stamp_ns + shift_ns) for e in (*standing, first, *drive)]
     check, given = checked(events)
     assert len(given) == len(events) and check.checked_scans > 700
-    (body,) = check.repairs.own_bodies
+    (body,) = check.faults.scans.own_bodies
     assert (body.limits_m > 0.0).sum() <= 10 + 4
     assert np.isnan([e for e in given if isinstance(e, LaserScan)][-1].ranges_m[20:30]).all()
 
