@@ -1,4 +1,4 @@
-"""Finds the kind of a message, by its class or by the name of its schema, and what the kind's row says of it."""
+"""Looks up the kind of a message, by its class or the name of its schema, and the functions of the kind."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ def kind_of_event(event: Event) -> MessageKind:
 
 
 def kind_of_ros_type(name: str) -> str:
-    """The kind that messages of a ROS type (`package/msg/Type`) serve as; `other` for a type that nothing uses."""
+    """The kind of messages with a ROS type (`package/msg/Type`); `other` for unknown types."""
     kind = _OF_ROS_TYPE.get(name)
     return "other" if kind is None else kind.name
 
 
 def kind_of_foxglove_type(name: str) -> str:
-    """The kind that messages of a Foxglove type serve as; empty for other types."""
+    """The kind of messages with a Foxglove type; empty for unknown types."""
     kind = _OF_FOXGLOVE_TYPE.get(name)
     return "" if kind is None else kind.name
 
 
 def ros_converter(name: str) -> FromRos | None:
-    """The conversion of decoded messages of a ROS type; None if the kind has none of its own."""
+    """The function that converts decoded messages of a ROS type; None if `ros/decoder.py` converts them, or for unknown types."""
     kind = _OF_ROS_TYPE.get(name)
     return None if kind is None else kind.ros[name]
 
 
 def foxglove_converter(name: str) -> FromFoxglove | None:
-    """The conversion of decoded messages of a Foxglove type; None if the kind has none of its own."""
+    """The function that converts decoded messages of a Foxglove type; None for unknown types."""
     kind = _OF_FOXGLOVE_TYPE.get(name)
     return None if kind is None else kind.foxglove[name]
 
 
 def kinds_sharing(type_name: str) -> list[MessageKind]:
-    """The kinds that claim some of the streams whose schema, of ROS or Foxglove, is usually that of another kind."""
+    """The kinds that may claim a stream with this ROS or Foxglove type, although the type belongs to another kind."""
     return [
         kind for kind in KINDS_IN_ORDER if type_name in kind.shared_ros or type_name in kind.shared_foxglove
     ]

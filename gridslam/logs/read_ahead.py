@@ -1,4 +1,4 @@
-"""A packed file unpacked in a thread of its own, ahead of the thread that takes its lines apart."""
+"""Unpacks a packed file in another thread, while the main thread parses its lines."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ BLOCKS_AHEAD = 4
 
 
 class ReadAhead(io.RawIOBase):
-    """Reads `source` block by block in a thread (decompression leaves the interpreter free); ends with `close`.
+    """Reads `source` block by block in a thread, until `close`. Decompression does not hold the interpreter's lock.
 
-    An error of the source is raised where the reader gets to it, after all bytes before it.
+    An error of the source is raised after all bytes before it have been read.
     """
 
     def __init__(self, source: io.BufferedIOBase) -> None:
@@ -27,11 +27,11 @@ class ReadAhead(io.RawIOBase):
         self._thread.start()
 
     def readable(self) -> bool:
-        """Always."""
+        """True."""
         return True
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
-        """Copy what is there next into the buffer; 0 at the end."""
+        """Copy the next bytes into the buffer; returns their number, 0 at the end."""
         if not self._left and not self._is_done:
             block = self._blocks.get()
             if isinstance(block, BaseException):

@@ -1,4 +1,4 @@
-"""Reasons for leaving out a message, as counters and notes name them."""
+"""Reasons for skipping a message, as counters and notes name them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class SkipReason(str, Enum):
 
 @dataclass(frozen=True, slots=True)
 class Skip:
-    """Stands in the place of an event that cannot be used: the reason, the place in the log, and what the message has instead."""
+    """An event that cannot be used: the reason, where it is in the log, and the unusable value, such as an encoding."""
 
     reason: SkipReason
     where: str = ""
@@ -47,7 +47,7 @@ class Skip:
 
 
 class UnusableMessageError(ValueError):
-    """A message or row that cannot be used for a known reason; `detail` says what it has, like its encoding."""
+    """A message or row that cannot be used for a known reason; `detail` is the unusable value, such as an encoding."""
 
     def __init__(self, reason: SkipReason, detail: str = "") -> None:
         super().__init__(reason.value)

@@ -18,8 +18,10 @@ from gridslam.methods.base import Doubt, Picture, RunResult
 DOUBTFUL_INK, SUSPECT_INK = (205, 45, 45), (235, 130, 20)
 SMALLEST_RADIUS_M = 1.0
 CORNERS = 32
-MIN_REVISITED = 0.5  # fraction of the path that confirms its motion
-LABELS_APART_M = 8.0  # places this near to a more doubtful one have a circle without a number
+MIN_REVISITED = (
+    0.5  # fraction of the path with a second passage, from which doubts about the motion are dropped
+)
+LABELS_APART_M = 8.0  # places nearer than this to a more doubtful one get a circle without a number
 
 
 def with_consistency(
@@ -28,10 +30,10 @@ def with_consistency(
     motion_doubt: str | None = None,
     sensor_doubt: str | None = None,
 ) -> RunResult:
-    """The result with its map's consistency; a doubtful map makes the run `inconsistent`.
+    """The result with the consistency of its map.
 
-    So do sensors that contradict each other (`sensor_doubt`, in words), and a path that is doubted for its motion
-    (`motion_doubt`), where most of it was passed only once.
+    The run becomes `inconsistent` if the map is doubtful, if sensors contradict each other (`sensor_doubt`, in words), or if the
+    motion is doubtful (`motion_doubt`) and the robot drove most of the path only once.
     """
     assert result.occupancy is not None
     pictures = _pictures(result.occupancy, result.trajectory, consistency)
@@ -51,7 +53,7 @@ def with_consistency(
 
 
 def _pictures(grid: OccupancyGrid, trajectory: Trajectory, consistency: MapConsistency) -> dict[str, Picture]:
-    """`doubt`: the map and its trajectory with circles around the doubtful places; none where there are no such places."""
+    """The picture `doubt`: the map and the trajectory with circles around the doubtful places; empty if there are none."""
     if not consistency.places:
         return {}
     circles = [_circle(place, consistency.places[:k]) for k, place in enumerate(consistency.places)]

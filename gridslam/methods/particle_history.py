@@ -1,4 +1,4 @@
-"""A method's particles as time goes by, few enough to keep."""
+"""Snapshots of a method's particles over time, few enough to keep in memory."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from gridslam.methods.base import Estimate, Method, RunResult
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """Particles `(n, 3)` at one moment: x, y, yaw in the map frame as the method knew it then."""
+    """Particles `(n, 3)` at one time: x, y, yaw in the map frame, as the method estimated them then."""
 
     stamp_ns: int
     particles: NDArray[np.float32]
 
 
 class ParticleHistory:
-    """A method that is looked at as it goes: once a second of the log's time, `max_particles` of its particles.
+    """Wraps a method, and keeps `max_particles` of its particles once a second of the log's time.
 
-    A log of more than `max_snapshots` seconds is looked at more seldom, so that memory is bounded. What is kept
-    depends on the log alone, not on how fast it is read.
+    In a log of more than `max_snapshots` seconds snapshots are less frequent, which bounds the memory. They depend on the log
+    alone, not on how fast it is read.
     """
 
     def __init__(self, method: Method, max_snapshots: int = 2000, max_particles: int = 500) -> None:
@@ -37,22 +37,22 @@ class ParticleHistory:
 
     @property
     def snapshots(self) -> tuple[Snapshot, ...]:
-        """The kept snapshots in the order of the log; none for a method without particles."""
+        """The snapshots in the order of the log; empty for a method without particles."""
         return tuple(self._kept)
 
     @property
     def estimate(self) -> Estimate | None:
-        """That of the wrapped method."""
+        """The estimate of the wrapped method."""
         return self._method.estimate
 
     def process(self, event: Event) -> None:
-        """Let the method process the event, then look at it if it is time."""
+        """Let the method process the event, and take a snapshot if one is due."""
         self._method.process(event)
         if self._last_ns is None or event.stamp_ns >= self._last_ns + self._interval_ns:
             self._look()
 
     def result(self) -> RunResult:
-        """That of the wrapped method."""
+        """The result of the wrapped method."""
         return self._method.result()
 
     def _look(self) -> None:

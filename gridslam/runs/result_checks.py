@@ -1,4 +1,4 @@
-"""Checks of a finished run: results without content are refused, streams of which nothing was used are named."""
+"""Checks of a finished run: empty results are refused, and streams of which no message was used are reported."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ ADVICE = {
 def refuse_empty_result(
     method: str, log_path: Path, result: RunResult, counts: Counts, problems: Sequence[str] = ()
 ) -> None:
-    """Raises MethodError: the result has no pose, or a map without cells; the message names the commonest skip reasons.
+    """Raises MethodError: the result has no pose, or a map without cells.
 
-    `problems` are what the log is said to have; of the skipped messages the first place, and what to do, are added.
+    The message names the commonest skip reasons, the first skipped message, which is found in the `problems` of the log, and
+    what to do.
     """
     is_empty_map = result.occupancy is not None and not result.occupancy.probability.size
     if len(result.trajectory) and not is_empty_map:
@@ -42,7 +43,7 @@ def refuse_empty_result(
 
 
 def unused_streams(counts: Counts) -> list[str]:
-    """Names of the streams that the method reads and of which every message was skipped."""
+    """Names of the streams that the method reads, if every message of them was skipped."""
     return [
         name
         for name, stream in counts.streams.items()
@@ -51,7 +52,7 @@ def unused_streams(counts: Counts) -> list[str]:
 
 
 def unused_stream_line(name: str, counts: Counts, missing_inputs: Collection[str]) -> str:
-    """The line about an unused stream; it advises an input of the same name that the method takes and was not given."""
+    """The line about an unused stream. If an input file of the same name is missing, the line asks for it."""
     line = (
         f"none of the {counts.streams[name].read} {name} messages was used ({_reasons(counts, f'{name}.')})"
     )

@@ -1,4 +1,4 @@
-"""Checks of what a method hands over: methods of other packages may hand over anything."""
+"""Checks of the types and values in a method's result; methods of other packages can return anything."""
 
 from __future__ import annotations
 
@@ -27,17 +27,18 @@ _NAMED = {
     "trajectories": Trajectory,
     "files": bytes,
 }
-_TAKEN = {"maps": "map", "pictures": "map", "trajectories": "trajectory"}  # names of the run's own files
-_MAX_SIDE = 1_000_000  # cells; each row and column of a picture takes memory of its own
+# Names that files of the run itself have
+_TAKEN = {"maps": "map", "pictures": "map", "trajectories": "trajectory"}
+_MAX_SIDE = 1_000_000  # cells; every row and column of a picture takes additional memory
 _KEYED = {"layers": GridLayer, "series": Series}
 
 
 def refuse_wrong_result(method: str, result: object, is_packaged: bool) -> None:
     """Raises MethodError for the first part of a result that cannot be written.
 
-    It has another type than `RunResult` says, poses or a grid that are not finite, stamps that no format holds, too many
-    cells, or a name that cannot be that of a file in the run directory. Of a method of another package all parts are
-    looked at, and stamps must ascend.
+    Such a part has another type than in `RunResult`, poses or a grid that are not finite, stamps that no format can store, too
+    many cells, or a name that cannot be the name of a file in the run directory. If the method `is_packaged` (in another
+    package), all parts are checked, and stamps must ascend.
     """
     with naming(method if is_packaged else ""):
         for problem in _problems(result, is_packaged):

@@ -30,10 +30,10 @@ def run_map_logs(
     stop: Stop,
     inputs: Mapping[str, Input] = NOTHING_MORE,
 ) -> Run:
-    """Map logs one after the other; the run of the last one, with the inputs, problems and times of all.
+    """Map logs one after the other, each continuing the map of those before it.
 
-    The result is that of runs of their own, each of which continues the one before it. Raises ConfigError: the method does not
-    continue a map.
+    Returns the run of the last log, with the inputs, problems and times of all. Mapping each log in a run of its own with
+    `--continue` gives the same result. Raises ConfigError: the method cannot continue a map.
     """
     entry = registry.METHODS[config.method_name]
     if len(log_paths) > 1 and not entry.is_continued:
@@ -52,7 +52,7 @@ def run_map_logs(
 
 
 def _session_of(run: Run) -> Input:
-    """The session that a run leaves, as the input of the next one."""
+    """The session that a run has written, as an input of the next one."""
     kind = next(k for k in registry.METHODS[run.config.method_name].inputs if k.name == SESSION)
     content = run.result.files.get(kind.in_run)
     if content is None:
@@ -98,7 +98,7 @@ def _as_one(runs: Sequence[Run]) -> Run:
 
 
 def _truth_of(runs: Sequence[Run]) -> Trajectory | None:
-    """The true poses of all logs where the trajectory has the poses of all, else those of the last."""
+    """The true poses of all logs if the trajectory has the poses of all, else those of the last log."""
     last = runs[-1]
     if last.result.measures["session"]["trajectory_of"] != "all drives":  # type: ignore[index]
         return last.truth

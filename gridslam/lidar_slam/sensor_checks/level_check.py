@@ -1,4 +1,4 @@
-"""Whether levelling helps: a robot that tilts drives on evenly, and scans levelled by a wrong tilt make its path sway."""
+"""Checks whether levelling helps: the motion of a robot is even, but scans levelled by a wrong tilt make its path sway."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from gridslam.core.messages import Event, LaserScan, Odometry, Transform
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
 
-STEP_S = 0.4  # duration of the motions that are compared: a part of a robot's sway, which takes seconds
+STEP_S = (
+    0.4  # duration of the motions that are compared; shorter than the sway of a robot, which takes seconds
+)
 MIN_STEPS = 40
 
 
 class Levelling(Enum):
-    """Tilt by which a scan is levelled: that of the robot about its base, that of the lidar about itself, or none."""
+    """Tilt by which scans are levelled: that of the robot about its base, that of the lidar about itself, or none."""
 
     BASE = "robot"
     LIDAR = "lidar"
@@ -52,7 +54,7 @@ class LevelledScans:
         return NOTES.get(self.by)
 
     def applied_to(self, event: Event) -> Event:
-        """A scan, or the transform that places one, as it is levelled by `by`; other events as they are."""
+        """A scan levelled by the tilt `by`, or the transform that places a scan; other events unchanged."""
         if self.by is Levelling.BASE or not self.extrinsics:
             return event
         if self.by is Levelling.NONE and isinstance(event, LaserScan) and lidar_of(event) in self.extrinsics:
@@ -63,7 +65,7 @@ class LevelledScans:
         return event
 
     def decided(self, events: Sequence[Event], build_tracker: Callable[[], ScanTracker]) -> LevelledScans:
-        """The same with the tilt that gives the most even path over the scans among the events; `BASE` if these are too few."""
+        """The same scans with the tilt that gives the most even path; with `BASE` if there are too few scans among the events."""
         if not self.extrinsics:
             return self
         uneven: dict[Levelling, float] = {}
@@ -77,7 +79,7 @@ class LevelledScans:
 
 
 def unevenness_m(path: Trajectory) -> float | None:
-    """Mean change (m) of the robot's motion from one STEP_S to the next; None if there are too few."""
+    """Mean change (m) of the robot's motion from one step of STEP_S to the next; None if the path has too few steps."""
     path = path.sorted()
     first_ns, last_ns = (int(path.stamps_ns[0]), int(path.stamps_ns[-1])) if len(path) else (0, 0)
     poses, _ = path.at(np.arange(first_ns, last_ns, round(STEP_S * 1e9)))

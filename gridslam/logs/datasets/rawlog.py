@@ -27,13 +27,14 @@ from gridslam.logs.text import open_ahead, packing_of
 
 Floats = NDArray[np.float64]
 
-MAX_BYTES = 2 << 30  # unpacked; larger ones would not fit in the memory of small machines
-MAX_EXPANSION, ALWAYS_UNPACKED_BYTES = 100, 4 << 20  # of a packed file, against bombs
-MAX_SAME_PLACE = 1e-3  # m and quaternion: a sensor whose place differs by more moves on the robot
+MAX_BYTES = 2 << 30  # largest unpacked size; larger files would not fit in the memory of small machines
+# Largest expansion of a packed file above a size, against bombs
+MAX_EXPANSION, ALWAYS_UNPACKED_BYTES = 100, 4 << 20
+MAX_SAME_PLACE = 1e-3  # m and quaternion: a sensor whose pose changes by more moves on the robot
 
 
 def is_rawlog(beginning: bytes) -> bool:
-    """Whether the first unpacked bytes of a file are those of an object of a rawlog."""
+    """Whether a file whose first unpacked bytes are `beginning` is a rawlog."""
     return (
         re.match(rb"[\x80-\xff](?:mrpt::\w+::)?C(Observation\w+|ActionCollection|SensoryFrame)", beginning)
         is not None
@@ -43,11 +44,11 @@ def is_rawlog(beginning: bytes) -> bool:
 def open_rawlog(path: Path) -> DatasetSource:
     """The scans of each lidar, the odometry, and the lidars' extrinsics. Raises LogError: there is no scan, or too much."""
     data = _unpacked(path)
-    scans: dict[str, list[tuple[int, int]]] = {}  # of each label, stamp and place in the file
+    scans: dict[str, list[tuple[int, int]]] = {}  # stamp and offset in the file of each scan, by label
     places: dict[str, tuple[Vector, Quaternion]] = {}
     moving: set[str] = set()
     odometry: list[RecordedMotion] = []
-    actions: list[tuple[int, RecordedMotion]] = []  # with the number of scans before
+    actions: list[tuple[int, RecordedMotion]] = []  # number of scans before, and the motion
     order: list[int] = []  # stamps of all scans
     others: Counter[str] = Counter()
     damaged: list[str] = []
@@ -105,7 +106,7 @@ def _unpacked(path: Path) -> bytes:
 
 
 def _summed(actions: list[tuple[int, RecordedMotion]], scan_stamps: list[int]) -> list[RecordedMotion]:
-    """Poses by the increments of actions; those without a stamp end at the next scan."""
+    """Poses by summing the increments of actions; an increment without a stamp ends at the next scan."""
     pose, found = np.zeros(3), []
     if actions and actions[0][0]:
         found.append(RecordedMotion(scan_stamps[0], pose))
@@ -150,7 +151,7 @@ def _is_same(a: tuple[Vector, Quaternion], b: tuple[Vector, Quaternion]) -> bool
 
 
 def _notes(others: Counter[str], moving: set[str]) -> list[str]:
-    """Lines about what is left out, and sensors that move on the robot."""
+    """Lines about objects that were not read, and sensors that move on the robot."""
     left_out = {name: n for name, n in others.items() if not name.startswith("CActionCollection")}
     notes = [
         f"{label} moves on the robot; it is taken to stay where its first scan was"

@@ -1,9 +1,9 @@
-"""The order of events: streams merged by stamp, exactly, holding back only what was recorded too early.
+"""The order of events: streams are merged by stamp, and only events that were recorded too early are held back.
 
-All stamps are known before the first event (8 bytes each), so the place of every event in the merged order is
-computed beforehand, and reading needs no look-ahead. The key of an event is the largest stamp that its stream has had
-so far: within a stream the recorded order wins over out-of-order stamps. Where the clock itself jumps back, so that
-several streams do, the merge starts again (`gridslam.logs.order.clock_steps`).
+All stamps are known before the first event is read (8 bytes each), so the position of every event in the merged order is computed
+in advance. Events are sorted by a key: the largest stamp of their stream up to them. So events of one stream keep their recorded
+order even if stamps are out of order. If several streams jump back together, their clock was set back, and the merge starts again
+(`gridslam.logs.order.clock_steps`).
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ OUTLIER_S = 60
 
 
 def out_of_order_stamps(stamps_ns: Sequence[int]) -> int:
-    """Number of stamps that are smaller than the one before."""
+    """Number of stamps that are smaller than the previous one."""
     return int(np.count_nonzero(np.diff(np.asarray(stamps_ns, dtype=np.int64)) < 0))
 
 
 def repeated_stamps(stamps_ns: Sequence[int]) -> int:
-    """Number of stamps that equal the one before."""
+    """Number of stamps that equal the previous one."""
     return int(np.count_nonzero(np.diff(np.asarray(stamps_ns, dtype=np.int64)) == 0))
 
 
 def outlier_places(stamps_ns: Sequence[int]) -> frozenset[int]:
-    """Places of single stamps that are more than OUTLIER_S from both neighbours, which agree with each other.
+    """Indices of single stamps that differ by more than OUTLIER_S from both neighbours, which agree with each other.
 
-    One such stamp in the future would put the rest of its stream behind all other streams.
+    One such stamp in the future would move the rest of its stream behind all other streams.
     """
     stamps = np.asarray(stamps_ns, dtype=np.int64)
     if len(stamps) < 3:
@@ -52,11 +52,11 @@ def outlier_places(stamps_ns: Sequence[int]) -> frozenset[int]:
 def merge_plan(
     stamps_by_stream: Mapping[int, Sequence[int]], by_stamp: bool
 ) -> tuple[dict[int, array[int]], array[int]]:
-    """The place of every event and the stream at every place.
+    """The merged order of all events.
 
-    `stamps_by_stream` is ordered by precedence at equal keys. Returns `ranks[stream][i]`, the place of the
-    stream's i-th event, and `schedule[place]`, the stream. `by_stamp` sorts within a stream as well
-    (stable).
+    Of events with equal keys, those of earlier streams in `stamps_by_stream` come first. With `by_stamp`, events are sorted by
+    stamp within each stream as well (stable). Returns `ranks[stream][i]`, the position of the stream's i-th event, and
+    `schedule[position]`, its stream.
     """
     if not stamps_by_stream:
         return {}, array("q")
@@ -81,7 +81,7 @@ def merge_plan(
 
 
 def without_outliers(stamps_ns: Sequence[int]) -> NDArray[np.int64]:
-    """The stamps `(n,)` (ns), each outlier replaced by the stamp before it."""
+    """The stamps `(n,)` (ns), with each outlier replaced by the previous stamp."""
     stamps = np.array(stamps_ns, dtype=np.int64)
     places = np.array(sorted(outlier_places(stamps_ns)), dtype=np.int64)
     stamps[places] = stamps[places - 1]
@@ -91,10 +91,10 @@ def without_outliers(stamps_ns: Sequence[int]) -> NDArray[np.int64]:
 def _keys_in_epochs(
     stamps: NDArray[np.int64], epochs: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The key of each event of a stream, and what sorts events of one key.
+    """The key of each event of a stream, and a second key for events with equal keys.
 
-    The key is the largest stamp of the epoch so far. The second number is 0 up to the first out-of-order stamp of a
-    key, then the largest stamp since: out-of-order stamps of several streams are merged as well.
+    The key is the largest stamp of the epoch so far. The second key is 0 up to the first out-of-order stamp after a key, and then
+    the largest stamp since, so that out-of-order stamps of several streams are merged as well.
     """
     keys = np.empty_like(stamps)
     detours = np.zeros_like(stamps)
@@ -118,14 +118,14 @@ def in_planned_order(
     limit_bytes: int,
     on_late: Callable[[int], None],
 ) -> Iterator[tuple[int, T]]:
-    """The items, which arrive as (stream, item), in the order of their places `ranks[stream][i]`.
+    """The pairs (stream, item) in the order of their positions `ranks[stream][i]`.
 
-    An item that arrives early waits. When more than `limit_bytes` wait, the earliest of them is passed on although an
-    item before it is still missing; that one is passed on as soon as it arrives, after a call of `on_late(stream)`.
+    An item that arrives early waits. When more than `limit_bytes` wait, the earliest one is yielded although items before it are
+    missing. Each of these is yielded as soon as it arrives, after a call of `on_late(stream)`.
     """
     places = {stream: iter(rank) for stream, rank in ranks.items()}
     waiting: dict[int, tuple[int, T]] = {}
-    # A heap of the places in `waiting`, and of some that were, once it is needed
+    # A heap of the positions in `waiting`, and some that were yielded already; made when it is needed first
     earliest: list[int] | None = None
     waiting_bytes = 0
     expected = 0

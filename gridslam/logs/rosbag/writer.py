@@ -28,13 +28,13 @@ LATCHED_QOS = """- history: 1
   liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
   avoid_ros_namespace_conventions: false
 """
-QOS_PROFILES = {"/tf_static": LATCHED_QOS}  # a subscriber that comes later gets its messages too
+QOS_PROFILES = {"/tf_static": LATCHED_QOS}  # later subscribers receive its messages as well
 
 
 class Rosbag2Writer:
     """Writes events into a folder that gets its name when `close` succeeds; the same events give the same bytes.
 
-    Raises ConfigError: something else than a rosbag2 folder is there, or one is and `force` is not set.
+    Raises ConfigError: the path exists and is not a rosbag2 folder, or it is one and `force` is not set.
     """
 
     def __init__(self, path: str | Path, force: bool = False) -> None:
@@ -60,7 +60,7 @@ class Rosbag2Writer:
             self.abandon()
 
     def write(self, event: Event, topic: str | None = None) -> None:
-        """Append one event, on `topic` or the usual one of its kind."""
+        """Append one event, on `topic` or the default topic of its kind."""
         for message in encode(event, topic):
             self._counts[message.topic, message.type] += 1
             first, last = self._span_ns or (message.stamp_ns, message.stamp_ns)
@@ -68,22 +68,22 @@ class Rosbag2Writer:
             self._writer.append(message)
 
     def write_truth(self, pose: Odometry) -> None:
-        """Append the true pose, on the topic that no method is shown."""
+        """Append a true pose, on the topic that methods do not read."""
         self.write(pose, TRUTH_TOPIC)
 
     def complete(self) -> None:
-        """Write what is left, so that only the name is missing; nothing may be appended from here on."""
+        """Write the rest of the log under its temporary name. Nothing may be appended afterwards."""
         self._writer.close()
         write_atomic(self._folder / METADATA, self._metadata().encode())
 
     def close(self) -> None:
-        """Complete the folder and give it its name."""
+        """Complete the folder, and give it its final name."""
         with self._aside:
             self.complete()
             put_folder(self._folder, self._path, self._before)
 
     def abandon(self) -> None:
-        """Leave nothing behind."""
+        """Remove what was written."""
         self._writer.abandon()
         self._aside.close()
 

@@ -1,4 +1,4 @@
-"""The front end's track in the place of the particle filter, for runs that do not use the filter's result."""
+"""A substitute for the particle filter that follows the front end, for runs that do not need the filter's result."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gridslam.lidar_slam.scans import PreparedScan
 
 Floats = NDArray[np.float64]
 
-FIRST_KEY_SCANS = 64  # for which there is room at first; it is doubled when it is full
+FIRST_KEY_SCANS = 64  # initial capacity, which is doubled when it is used up
 
 
 class SingleTrack:
@@ -28,12 +28,12 @@ class SingleTrack:
 
     @property
     def poses(self) -> Floats:
-        """The present pose `(1, 3)`."""
+        """The current pose `(1, 3)`."""
         return self._path[max(self._count - 1, 0) : max(self._count, 1)]
 
     @property
     def best_trajectory(self) -> Floats:
-        """The poses `(k, 3)` at all key scans; a view, since it is asked for at each of them."""
+        """The poses `(k, 3)` at all key scans; a view and not a copy, because it is read at each of them."""
         return self._path[: self._count]
 
     @property
@@ -55,7 +55,7 @@ class SingleTrack:
         self._count += 1
 
     def replace_scan(self, key: int, scan: PreparedScan) -> None:
-        """Do nothing: there is no map that a scan could enter."""
+        """Do nothing: there is no map."""
 
     def add_evidence(self, log_likelihood: Floats) -> None:
-        """Do nothing: a single track has no weights `(1,)` to change."""
+        """Do nothing: a single track has no weights."""

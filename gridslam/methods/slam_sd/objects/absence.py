@@ -1,4 +1,4 @@
-"""Likelihood of an object that was not read: a silent antenna is information as well."""
+"""Evidence that an object is gone: rounds that did not read its tags, and scans that do not see it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def log_silence(
     scan: KeyScanObservation,
     antenna: AntennaModel,
 ) -> float:
-    """log P(none of its tags is read in these rounds | the object is at a pose (3,)); `scan` shows what hides them."""
+    """log P(no tag of the object is read in these rounds | the object is at a pose (3,)); `scan` shows what hides the tags."""
     points = se2.transform_points(scan.pose, scan.scan.returns)
     geometry = RoundGeometry(
         np.array([r.antenna for r in rounds]),
@@ -50,7 +50,7 @@ def scans_see_nothing(
     rounds: Sequence[InventoryRound],
     settings: ObjectSettings,
 ) -> bool:
-    """Whether the last scans are likelier without the object at a pose (3,) of the front end's frame."""
+    """Whether the last scans are more likely without the object than with it at a pose (3,) in the front end's frame."""
     since = scans[-1].stamp_ns - (LEAD_NS + PAUSE_NS)
     recent = [scan for scan in scans if scan.stamp_ns >= since]
     evidence = gather_evidence(model, recent, rounds[-1:], pose[:2])
