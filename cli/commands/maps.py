@@ -113,7 +113,7 @@ def rotate(
         [map_path],
         mode=mode,
         force=force,
-        rows=[("turned", f"{np.degrees(rotation):.3f} deg")],
+        rows=[("turned", f"{round(float(np.degrees(rotation)), 3) + 0.0:.3f} deg")],
     )
 
 

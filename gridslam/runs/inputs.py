@@ -35,12 +35,14 @@ def read_inputs(paths: Mapping[str, Path], method: str) -> Mapping[str, Input]:
     kinds = {kind.name: kind for kind in registry.METHODS[method].inputs}
     inputs = {}
     for name, path in paths.items():
-        if kinds[name].in_run and path.is_dir():
-            path = path / kinds[name].in_run
+        option = " ".join(registry.option_words(name, str(path)))
+        if (file_name := kinds[name].in_run) and path.is_dir():
+            path = path / file_name
+            if not path.exists():
+                raise ConfigError(f"{option}: has no {file_name}; give the directory of a run that left one")
         try:
             digest = sha256_of(path)
         except OSError as error:
-            option = " ".join(registry.option_words(name, str(path)))
             raise ConfigError(f"{option}: cannot be read ({error.strerror or error})") from error
         with naming(registry.package_of(method)):
             inputs[name] = Input(registry.load(kinds[name].reader)(path), path, digest)

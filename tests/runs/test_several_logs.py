@@ -66,7 +66,7 @@ def test_wrong_use_ends_with_a_clear_error(halves: list[Path], tmp_path: Path) -
         map_log(halves, "ir-scan")
     with pytest.raises(ConfigError, match="--continue FILE: ir-scan has no use"):
         map_log(halves[0], "ir-scan", session=tmp_path)
-    with pytest.raises(ConfigError, match=r"--continue .*session.npz: cannot be read"):
+    with pytest.raises(ConfigError, match=r"--continue .*: has no session.npz; give the directory of a run"):
         map_log(halves[0], "slam-sd", session=tmp_path)
     (tmp_path / "session.npz").write_bytes(b"nothing")
     with pytest.raises(InputError, match="not a session"):

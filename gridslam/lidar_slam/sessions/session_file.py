@@ -28,6 +28,7 @@ from gridslam.lidar_slam.sessions.session_checks import SCHEMA, SWAY_SCHEMA, Arr
 
 FILE_NAME = "session.npz"
 DIGEST = "digest"  # name of the array with the SHA-256 of all others
+ZIP_MAGIC = b"PK"
 FORMAT, VERSION = "gridslam session", 4
 MAX_FILE_BYTES = MAX_UNPACKED_BYTES = 1 << 28  # without the points, which are unpacked when they are needed
 MAX_HEAD_BYTES = 1 << 22
@@ -76,6 +77,8 @@ def load_session(path: Path) -> Session:
 
 def read_session(content: bytes, name: str) -> Session:
     """The session in a file's content. Raises InputError, which names the file: it is damaged, or has another version."""
+    if not content.startswith(ZIP_MAGIC):
+        raise InputError(f"{name}: not a session; give the {FILE_NAME} of a run, or the directory of the run")
     try:
         arrays = read_npz(io.BytesIO(content), MAX_UNPACKED_BYTES)
         head = _checked_head(arrays.get("head"))

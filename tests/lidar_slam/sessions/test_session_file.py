@@ -197,7 +197,7 @@ def test_wrong_content_is_refused_with_its_reason(session: Session) -> None:
         (changed(session, points=np.zeros(9, np.uint8)), "do not fit"),
         (changed(session, key__returns=np.full(len(keys), 2**30)), "claims to hold"),
         (session_bytes(session)[:-200], "damaged"),
-        (b"not a zip file", "damaged"),
+        (b"image: map.pgm", "not a session; give the session.npz of a run"),
     ):
         with pytest.raises(InputError, match=reason):
             read_session(content, "session.npz")
