@@ -38,7 +38,7 @@ MAX_DISPLACED_M, AROUND_M = 0.3, 3.0
 # Of the surfaces that the offset explains, and more than without it
 DISPLACED_RATIO, DISPLACED_GAIN = 0.6, 0.15
 JOINED_M = 0.2  # changed cells this near to each other are one place
-MIN_CELLS = 3
+MIN_CELLS = 4
 MIN_LENGTH_M = 0.15
 BEHIND_M = 0.25  # a beam that passes a cell ends this far behind it, or farther
 MAX_ANGLE_RAD = np.radians(30.0)  # largest angle between a beam that met a surface and one that passes it
@@ -86,13 +86,17 @@ def find_changes(
         ("appeared", after, before, later, earlier),
     )
     for kind, surface, free, met_by, passed_by in comparisons:
-        contradicted, weak = _contradicted(surface, free, frame), _weakly_contradicted(surface, free)
-        for cells in _places(contradicted, _is_sure(surface, free), frame):
+        weak, sure = _weakly_contradicted(surface, free), _is_sure(surface, free)
+        for cells in _places(_contradicted(surface, free, frame), sure, frame):
+            if not _is_large(_grown(cells, weak, frame), frame):
+                continue
             cells = _without_displaced(cells, surface, free, frame)
-            seen = _observations(cells, met_by, passed_by, frame) if len(cells) >= MIN_CELLS else None
+            if not sure[tuple(cells.T)].any() or not _is_large(place := _grown(cells, weak, frame), frame):
+                continue
+            seen = _observations(cells, met_by, passed_by, frame)
             if seen is not None:
                 times = (seen[0], seen[1]) if kind == "vanished" else (seen[3], seen[2])
-                found.append(change_of(kind, drive, _grown(cells, weak, frame), times, frame))
+                found.append(change_of(kind, drive, place, times, frame))
     return sorted(found, key=lambda change: (change.x_m, change.y_m, change.kind))
 
 
@@ -157,20 +161,20 @@ def dilated(mask: Bools, radius: int) -> Bools:
 
 
 def _places(mask: Bools, sure: Bools, frame: CellFrame) -> list[Ints]:
-    """Cells `(n, 2)` of every coherent place that is large enough and has a sure cell."""
+    """Cells `(n, 2)` of every coherent place that has a sure cell."""
     joined = dilated(mask, max(round(0.5 * JOINED_M / frame.resolution_m), 1))
     _, labels = cv2.connectedComponents(joined.astype(np.uint8), connectivity=8)
     cells = np.argwhere(mask)
     label = labels[cells[:, 0], cells[:, 1]]
     order = np.argsort(label, kind="stable")
     groups = np.split(cells[order], np.flatnonzero(np.diff(label[order])) + 1) if len(cells) else []
-    return [
-        group
-        for group in groups
-        if sure[group[:, 0], group[:, 1]].any()
-        and len(group) >= MIN_CELLS
-        and np.ptp(group, axis=0).max() + 1 >= MIN_LENGTH_M / frame.resolution_m
-    ]
+    return [group for group in groups if sure[tuple(group.T)].any()]
+
+
+def _is_large(cells: Ints, frame: CellFrame) -> bool:
+    """Whether the cells `(n, 2)` of a place are more than what errors of the poses leave at the ends of walls."""
+    length_m = float(np.ptp(cells, axis=0).max() + 1) * frame.resolution_m
+    return len(cells) >= MIN_CELLS and length_m >= MIN_LENGTH_M
 
 
 def _observations(
