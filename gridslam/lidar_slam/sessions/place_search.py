@@ -20,6 +20,7 @@ from gridslam.graph.relative_covariance import directed_edges
 from gridslam.kernels.relative_covariance import DirectedEdges
 from gridslam.kernels.scan_matching.segment_clouds import SegmentClouds
 from gridslam.kernels.scan_matching.submap_matching import SubmapMatches, SubmapPairs, match_submaps
+from gridslam.kernels.scan_matching.window_search import WindowSearch
 from gridslam.lidar_slam.loop_closure import search
 from gridslam.lidar_slam.loop_closure.closure import (
     DISTINCT_RIVAL_RATIO,
@@ -48,9 +49,19 @@ MIN_AGREEING_CHANGED = 4
 # Length of a drive in which too few parts can agree: one of them must be beyond doubt
 SHORT_DRIVE_SEGMENTS = 9
 CLEAR_SCORE, CLEAR_EXPLAINED, CLEAR_CONTRADICTED, CLEAR_RIVAL_RATIO = 0.8, 0.85, 0.03, 0.9
+# The parts of the drive around those that agree lie in the map where these put them, or the place only looks alike there.
+AROUND_SEGMENTS = 15  # on each side: over 45 m a drive drifts by less than the window (m, m, rad)
+AROUND_WINDOW = 1.0, 1.0, 0.1
+# Smallest fractions of a part's points on surfaces or in free space of the map, for the part to lie in the map, and to touch it
+INSIDE, TOUCHING = 0.7, 0.4
+# Smallest ratio of the parts that lie in the map and match it to those that touch it, of which there are at least `MIN_AROUND`
+MIN_FITTING, MIN_AROUND = 0.3, 3
+# If all of this number lie in the map and match, `MIN_AGREEING_CHANGED` parts are enough of which none is distinct
+SURE_FITTING = 5
 MARGIN_M = 10.0
 DRAWING = search.DRAWING._replace(max_points=200)  # enough in a window as large as the map, which costs time
 SEARCH = search.SEARCH._replace(yaw_step_rad=0.024, min_score=MIN_SCORE)
+SEARCH_AROUND = SEARCH._replace(min_score=0.05)  # so low that the agreement is known also where it is bad
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,43 +95,75 @@ def find_places(known: KnownMap, drive: KnownMap, first_query: int = 0) -> LoopM
             continue
         found = _search(union, known.poses, drive, np.array(queries, np.int64))
         pool = LoopMatches.concatenate([pool, found])
-        agreeing = _agreeing(poses, graph, pool, own)
-        if agreeing.any():
-            return pool.select(agreeing)
+        group, rival = _largest_group(poses, graph, pool)
+        is_enough = _is_enough(group, rival, own)
+        if not (is_enough or _is_many(len(group), rival, MIN_AGREEING_CHANGED)):
+            continue
+        fitting, touching = _fitting_around(union, known.poses, drive, group, first_query)
+        if _is_borne_out(is_enough, fitting, touching):
+            return group
     return LoopMatches.none()
 
 
-def _agreeing(poses: Floats, graph: DirectedEdges, pool: LoopMatches, own: int) -> Bools:
-    """The matches `(m,)` that put the drive in one place, if there are enough of them and few elsewhere."""
-    none = np.zeros(len(pool), np.bool_)
+def _largest_group(poses: Floats, graph: DirectedEdges, pool: LoopMatches) -> tuple[LoopMatches, int]:
+    """The largest group of matches that put the drive in one place, and the size of the largest one elsewhere."""
     if not len(pool):
-        return none
+        return pool, 0
     chi2, _ = pairwise_disagreement(poses, graph, pool.edges)
     is_consistent = chi2 < CHI2_3DOF_99
     np.fill_diagonal(is_consistent, False)
-    cliques = largest_cliques(is_consistent)
-    is_distinct = pool.rival_score <= DISTINCT_RIVAL_RATIO * pool.score
+    best, *others = largest_cliques(is_consistent)
+    is_best = np.zeros(len(pool), np.bool_)
+    is_best[best] = True
+    return pool.select(is_best), len(others[0]) if others else 0
+
+
+def _is_enough(group: LoopMatches, rival: int, own: int) -> bool:
+    """Whether the matches of a group say by themselves where the `own` segments of a drive lie; `rival` of them say otherwise."""
+    size = len(group)
+    if not size or size < MIN_LEAD * rival:
+        return False
+    is_distinct = group.rival_score <= DISTINCT_RIVAL_RATIO * group.score
+    is_unchanged = group.contradicted <= MAX_CONTRADICTED
+    if is_unchanged.sum() >= MIN_AGREEING and (is_distinct & is_unchanged).any():
+        return True
+    if _is_many(size, rival, MIN_AGREEING_CHANGED) and is_distinct.any():
+        return True
     is_clear = (
-        (pool.score >= CLEAR_SCORE)
-        & (pool.explained >= CLEAR_EXPLAINED)
-        & (pool.contradicted <= CLEAR_CONTRADICTED)
-        & (pool.rival_score <= CLEAR_RIVAL_RATIO * pool.score)
+        (group.score >= CLEAR_SCORE)
+        & (group.explained >= CLEAR_EXPLAINED)
+        & (group.contradicted <= CLEAR_CONTRADICTED)
+        & (group.rival_score <= CLEAR_RIVAL_RATIO * group.score)
     )
-    best = cliques[0]
-    rival = len(cliques[1]) if len(cliques) > 1 else 0
-    is_unchanged = pool.contradicted <= MAX_CONTRADICTED
-    is_enough = int(is_unchanged[best].sum()) >= MIN_AGREEING and bool(
-        (is_distinct & is_unchanged)[best].any()
-    )
-    is_enough = is_enough or (
-        len(best) >= max(MIN_AGREEING_CHANGED, MANY_LEAD * rival) and bool(is_distinct[best].any())
-    )
-    is_enough = is_enough or len(best) >= max(MANY_AGREEING, MANY_LEAD * rival)
-    is_enough = is_enough or (own < SHORT_DRIVE_SEGMENTS and bool(is_clear[best].any()))
-    if not is_enough or len(best) < MIN_LEAD * rival:
-        return none
-    none[best] = True
-    return none
+    return _is_many(size, rival, MANY_AGREEING) or (own < SHORT_DRIVE_SEGMENTS and bool(is_clear.any()))
+
+
+def _is_many(size: int, rival: int, least: int) -> bool:
+    return size >= max(least, MANY_LEAD * rival)
+
+
+def _is_borne_out(is_enough: bool, fitting: int, touching: int) -> bool:
+    """Whether parts around those that agree say the same, given the numbers of `_fitting_around`."""
+    is_alike = touching >= MIN_AROUND and fitting < MIN_FITTING * touching
+    return (is_enough and not is_alike) or fitting == touching >= SURE_FITTING
+
+
+def _fitting_around(
+    union: _Union, known_poses: Floats, drive: KnownMap, group: LoopMatches, first_query: int
+) -> tuple[int, int]:
+    """Numbers of parts of a drive around a group of matches: where it puts them, some lie in the map and match, some touch it."""
+    matched = group.edges.target - len(known_poses)
+    parts = np.arange(first_query, len(drive.poses), SPACINGS[-1])
+    away = np.abs(parts[:, None] - matched[None])
+    is_around = (away.min(axis=1) >= SPACINGS[-1]) & (away.min(axis=1) <= AROUND_SEGMENTS)
+    parts, nearest = parts[is_around], away.argmin(axis=1)[is_around]
+    if not len(parts):
+        return 0, 0
+    placed = se2.compose(known_poses[group.edges.source], group.edges.T_source_target)[nearest]
+    expected = se2.compose(placed, se2.between(drive.poses[matched[nearest]], drive.poses[parts]))
+    found = _match(union, drive, parts, SEARCH_AROUND, np.asarray(expected), np.array(AROUND_WINDOW))
+    known = found.explained + found.contradicted
+    return int(((known >= INSIDE) & (found.explained >= MIN_EXPLAINED)).sum()), int((known >= TOUCHING).sum())
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,8 +209,7 @@ def _search(union: _Union, known_poses: Floats, drive: KnownMap, queries: Ints) 
     low, high = union.points.min(axis=0) - MARGIN_M, union.points.max(axis=0) + MARGIN_M
     centre = np.array([*(0.5 * (low + high)), 0.0])
     window = np.array([*(0.5 * (high - low)), np.pi])
-    pairs = _pairs(drive.poses, queries, centre, window)
-    found = match_submaps(_with_map(drive.clouds, union), pairs, DRAWING, SEARCH, search.REGISTRATION)
+    found = _match(union, drive, queries, SEARCH, np.tile(centre, (len(queries), 1)), window)
     is_plausible = (
         (found.scores >= MIN_SCORE)
         & (found.explained >= MIN_EXPLAINED)
@@ -177,7 +219,15 @@ def _search(union: _Union, known_poses: Floats, drive: KnownMap, queries: Ints) 
     return _as_loops(found, known_poses, queries).select(is_plausible)
 
 
-def _pairs(poses: Floats, queries: Ints, centre: Floats, window: Floats) -> SubmapPairs:
+def _match(
+    union: _Union, drive: KnownMap, queries: Ints, how: WindowSearch, starts: Floats, window: Floats
+) -> SubmapMatches:
+    """Each query with its neighbours against the map, in a window `(3,)` around its start `(q, 3)`."""
+    pairs = _pairs(drive.poses, queries, starts, window)
+    return match_submaps(_with_map(drive.clouds, union), pairs, DRAWING, how, search.REGISTRATION)
+
+
+def _pairs(poses: Floats, queries: Ints, starts: Floats, window: Floats) -> SubmapPairs:
     """Each query with its neighbours against the map, which is the last segment."""
     n, count = len(poses), len(queries)
     first = np.maximum(queries - search.QUERY_SEGMENTS, 0)
@@ -193,7 +243,7 @@ def _pairs(poses: Floats, queries: Ints, centre: Floats, window: Floats) -> Subm
         query_last=last,
         query_row=offsets_of((last - first + 1).tolist()),
         query_poses=np.concatenate(members),
-        starts=np.tile(centre, (count, 1)),
+        starts=starts,
         windows=np.tile(window, (count, 1)),
     )
 

@@ -9,7 +9,7 @@ from gridslam.core import poses as se2
 from gridslam.graph.pose_graph import Edges
 from gridslam.graph.relative_covariance import directed_edges
 from gridslam.lidar_slam.loop_closure.search import LoopMatches
-from gridslam.lidar_slam.sessions.place_search import _agreeing
+from gridslam.lidar_slam.sessions.place_search import _is_borne_out, _is_enough, _largest_group
 
 SEGMENTS = 12  # of the map, and of the drive
 STEP = np.array([2.0, 0.0, 0.0])
@@ -56,7 +56,8 @@ def agreeing(right: int, wrong: int, contradicted: float) -> int:
         np.full(count, contradicted),
     )
     graph = directed_edges(2 * SEGMENTS, Edges.concatenate([chain(0), chain(SEGMENTS)]))
-    return int(_agreeing(np.concatenate([known, drive]), graph, pool, SEGMENTS).sum())
+    group, rival = _largest_group(np.concatenate([known, drive]), graph, pool)
+    return len(group) if _is_enough(group, rival, SEGMENTS) else 0
 
 
 @pytest.mark.parametrize(
@@ -75,3 +76,22 @@ def test_parts_that_contradict_the_map_must_be_more(
     right: int, wrong: int, contradicted: float, accepted: int
 ) -> None:
     assert agreeing(right, wrong, contradicted) == accepted
+
+
+@pytest.mark.parametrize(
+    ("is_enough", "fitting", "touching", "accepted"),
+    [
+        (True, 13, 13, True),
+        (True, 3, 9, True),  # the drive leaves the map
+        (True, 0, 2, True),  # too few around to say anything
+        (True, 0, 9, False),  # one corridor looks alike, and nothing around it
+        (True, 1, 12, False),
+        (False, 8, 8, True),  # a corridor that looks alike all along, but all around it matches
+        (False, 4, 4, False),
+        (False, 7, 8, False),
+    ],
+)
+def test_parts_around_those_that_agree_must_bear_them_out(
+    is_enough: bool, fitting: int, touching: int, accepted: bool
+) -> None:
+    assert _is_borne_out(is_enough, fitting, touching) == accepted
