@@ -31,7 +31,7 @@ from gridslam.methods.slam_sd.method import SlamSd
 from gridslam.simulation.places.build import place_document
 from gridslam.simulation.places.config import Kind
 from gridslam.simulation.record import truth_folder
-from tests.benchmarks.change_scores import scores, static_walls, truth_to_map
+from tests.benchmarks.change_scores import path_error_m, scores, static_walls
 from tests.benchmarks.changed_worlds import drives_of, recorded
 from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.real_places import data_dir, events_of
@@ -142,10 +142,8 @@ def _changed_place(kind: Kind, seed: int) -> Changed:
         counts += [*scores(drives, k), *static]
         lost_piece_m = max(lost_piece_m, piece_m)
     last = drives.results[-1]
-    joint = [
-        truth_to_map(last.trajectories[f"trajectory_{k + 1}"], t)[1] for k, t in enumerate(drives.truths)
-    ]
-    alone = [truth_to_map(r.trajectory, t)[1] for r, t in zip(drives.alone, drives.truths, strict=True)]
+    joint = [path_error_m(last.trajectories[f"trajectory_{k + 1}"], t) for k, t in enumerate(drives.truths)]
+    alone = [path_error_m(r.trajectory, t) for r, t in zip(drives.alone, drives.truths, strict=True)]
     unjoined = sum(not r.measures["session"]["is_joined"] for r in drives.results[1:])  # type: ignore[index]
     right, reported, found, true, lost, standing = counts.tolist()
     say(

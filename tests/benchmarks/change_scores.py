@@ -18,17 +18,36 @@ from tests.benchmarks.map_samples import sample
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+# Where a true point lies in a map follows from the path near it, so that errors of the path count as such and not as changes
+TILE_M, PATH_AROUND_M, MIN_POSES = 4.0, 6.0, 20
 NEAR_M = 0.15  # a reported cell this near to a changed piece is right
 OCCUPIED, FREE = 0.65, 0.35  # probabilities
 
 
-def truth_to_map(path: Trajectory, truth: Trajectory) -> tuple[Floats, float]:
-    """The true frame's pose in the map, and the root mean square error (m) of the path."""
+def path_error_m(path: Trajectory, truth: Trajectory) -> float:
+    """The root mean square error (m) of a path."""
     true, inside = truth.at(path.stamps_ns)
     found = find_alignment(path.poses[inside], true[inside], "se2")
     assert found is not None
     errors = se2.compose(found.T_truth_estimate, path.poses[inside])[:, :2] - true[inside, :2]
-    return np.asarray(se2.inverse(found.T_truth_estimate)), float(np.sqrt((errors**2).sum(axis=1).mean()))
+    return float(np.sqrt((errors**2).sum(axis=1).mean()))
+
+
+def in_map(path: Trajectory, truth: Trajectory, points: Floats) -> Floats:
+    """True points `(n, 2)` in the map of a path, aligned with the poses of the path near them."""
+    true, inside = truth.at(path.stamps_ns)
+    true, poses = true[inside], path.poses[inside]
+    tiles, owner = np.unique(np.floor(points / TILE_M), axis=0, return_inverse=True)
+    moved = np.empty_like(points)
+    for tile, corner in enumerate(tiles):
+        away = np.hypot(*(true[:, :2] - TILE_M * (corner + 0.5)).T)
+        near = away <= away.min() + PATH_AROUND_M
+        near |= near.sum() < MIN_POSES
+        found = find_alignment(true[near], poses[near], "se2")
+        assert found is not None
+        is_here = owner.ravel() == tile
+        moved[is_here] = se2.transform_points(found.T_truth_estimate, points[is_here])
+    return moved
 
 
 def contour_points(corners: Floats) -> Floats:
@@ -45,7 +64,7 @@ def scores(drives: Drives, k: int) -> tuple[int, int, int, int]:
     of the other one alone. A cell is right also where a piece changed earlier, and no drive has seen that before this one.
     """
     result = drives.results[k]
-    T_map_truth, _ = truth_to_map(result.trajectories[f"trajectory_{k + 1}"], drives.truths[k])
+    path, truth = result.trajectories[f"trajectory_{k + 1}"], drives.truths[k]
     layer = result.layers["changes"]
     right = reported = found = true = 0
     for sign, pieces, with_piece, without in (
@@ -55,8 +74,8 @@ def scores(drives: Drives, k: int) -> tuple[int, int, int, int]:
         cells = layer.geometry.centres(np.argwhere(np.asarray(layer.values) == sign * (k + 1)))
         reported += len(cells)
         contours = np.concatenate([np.zeros((0, 2)), *(contour_points(piece) for piece in pieces)])
-        at = se2.transform_points(T_map_truth, contours)
-        near = np.concatenate([at, se2.transform_points(T_map_truth, _changed_unseen(drives, k, sign))])
+        at = in_map(path, truth, contours)
+        near = np.concatenate([at, in_map(path, truth, _changed_unseen(drives, k, sign))])
         if len(cells) and len(near):
             right += int((cKDTree(near).query(cells)[0] <= NEAR_M).sum())
         if not pieces:
@@ -90,11 +109,11 @@ def static_walls(drives: Drives, k: int) -> tuple[int, int, float]:
     """
     result = drives.results[k]
     assert result.occupancy is not None
-    T_map_truth, _ = truth_to_map(result.trajectories[f"trajectory_{k + 1}"], drives.truths[k])
     stands = _state(drives, k, drives.static)[0] & _state(drives, k - 1, drives.static)[0]
+    walls_at = in_map(result.trajectories[f"trajectory_{k + 1}"], drives.truths[k], drives.static[stands])
     occupied = np.argwhere(np.nan_to_num(result.occupancy.probability, nan=0.0) > OCCUPIED)
     walls = cKDTree(result.occupancy.geometry.centres(occupied))
-    is_lost = walls.query(se2.transform_points(T_map_truth, drives.static[stands]))[0] > NEAR_M
+    is_lost = walls.query(walls_at)[0] > NEAR_M
     return int(is_lost.sum()), int(stands.sum()), longest_piece_m(drives.static[stands][is_lost])
 
 
@@ -116,8 +135,7 @@ def _state(drives: Drives, k: int, points: Floats) -> tuple[Bools, Bools]:
     """Whether true points are occupied, and free, in the map of drive k alone."""
     alone = drives.alone[k]
     assert alone.occupancy is not None
-    T_map_truth, _error = truth_to_map(alone.trajectory, drives.truths[k])
-    return states_at(alone.occupancy, se2.transform_points(T_map_truth, points))
+    return states_at(alone.occupancy, in_map(alone.trajectory, drives.truths[k], points))
 
 
 def states_at(grid: OccupancyGrid, at: Floats) -> tuple[Bools, Bools]:

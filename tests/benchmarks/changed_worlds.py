@@ -1,6 +1,7 @@
 """Places of which some furniture and shut doors stand in one drive and not in the next, and how well the changes are found.
 
-Furniture stands in rooms and corridors, up to the walls, but in no wall. Only the places called `office` have doors.
+Furniture stands in rooms and corridors, up to the walls, but in no wall, and where no door shuts. Only the places called
+`office` have doors.
 """
 
 from __future__ import annotations
@@ -59,9 +60,10 @@ def drives_of(kind: Kind, seed: int, number: int = 3, travel_m: float = TRAVEL_M
     rng = np.random.default_rng(seed)
     route = _route(document["robot"])
     walls = [*document["walls"]]
-    walls += furniture(route, _sides(walls), rng)
+    shut = doors(document["walls"], route)
+    walls += furniture(route, _sides(walls), rng, _sides(shut) if shut else np.zeros((0, 2, 2)))
     pieces = np.arange(len(document["walls"]), len(walls))
-    walls += doors(document["walls"], route)
+    walls += shut
     leaves = np.arange(pieces[-1] + 1, len(walls))
     absent = [
         set(rng.permutation(pieces)[: round(CHANGED_RATIO * len(pieces))].tolist())
@@ -114,8 +116,10 @@ def _sides(walls: Sequence[Mapping[str, Any]]) -> Floats:
     return np.concatenate(pieces)
 
 
-def furniture(route: Floats, sides: Floats, rng: np.random.Generator) -> list[dict[str, object]]:
-    """Boxes beside the route, in view of it and clear of the robot; they cross neither walls nor each other."""
+def furniture(
+    route: Floats, sides: Floats, rng: np.random.Generator, leaves: Floats
+) -> list[dict[str, object]]:
+    """Boxes beside the route, in view of it and clear of the robot; they cross neither walls, nor shut doors, nor each other."""
     found: list[dict[str, object]] = []
     while len(found) < FURNITURE:
         centre = route[rng.integers(len(route))] + rng.uniform(-2.5, 2.5, 2)
@@ -127,7 +131,8 @@ def furniture(route: Floats, sides: Floats, rng: np.random.Generator) -> list[di
             continue
         box: dict[str, object] = {"points": points.tolist(), "closed": True}
         own, view = _sides([box]), np.stack([route[away.argmin()], centre])[None]
-        if not crosses(np.concatenate([view, own, points.reshape(2, 2, 2)]), sides):
+        lines = np.concatenate([own, points.reshape(2, 2, 2)])
+        if not (crosses(np.concatenate([view, lines]), sides) or crosses(lines, leaves)):
             found.append(box)
             sides = np.concatenate([sides, own])
     return found
