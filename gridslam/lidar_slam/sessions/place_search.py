@@ -138,8 +138,8 @@ def _is_enough(group: LoopMatches, rival: int, own: int) -> bool:
     return _is_many(size, rival, MANY_AGREEING) or (own < SHORT_DRIVE_SEGMENTS and bool(is_clear.any()))
 
 
-def _is_many(size: int, rival: int, least: int) -> bool:
-    return size >= max(least, MANY_LEAD * rival)
+def _is_many(size: int, rival: int, min_size: int) -> bool:
+    return size >= max(min_size, MANY_LEAD * rival)
 
 
 def _is_borne_out(is_enough: bool, fitting: int, touching: int) -> bool:
@@ -161,7 +161,9 @@ def _fitting_around(
         return 0, 0
     placed = se2.compose(known_poses[group.edges.source], group.edges.T_source_target)[nearest]
     expected = se2.compose(placed, se2.between(drive.poses[matched[nearest]], drive.poses[parts]))
-    found = _match(union, drive, parts, SEARCH_AROUND, np.asarray(expected), np.array(AROUND_WINDOW))
+    found = _match(
+        union, drive, parts, how=SEARCH_AROUND, starts=np.asarray(expected), window=np.array(AROUND_WINDOW)
+    )
     known = found.explained + found.contradicted
     return int(((known >= INSIDE) & (found.explained >= MIN_EXPLAINED)).sum()), int((known >= TOUCHING).sum())
 
@@ -209,7 +211,9 @@ def _search(union: _Union, known_poses: Floats, drive: KnownMap, queries: Ints) 
     low, high = union.points.min(axis=0) - MARGIN_M, union.points.max(axis=0) + MARGIN_M
     centre = np.array([*(0.5 * (low + high)), 0.0])
     window = np.array([*(0.5 * (high - low)), np.pi])
-    found = _match(union, drive, queries, SEARCH, np.tile(centre, (len(queries), 1)), window)
+    found = _match(
+        union, drive, queries, how=SEARCH, starts=np.tile(centre, (len(queries), 1)), window=window
+    )
     is_plausible = (
         (found.scores >= MIN_SCORE)
         & (found.explained >= MIN_EXPLAINED)
@@ -220,7 +224,7 @@ def _search(union: _Union, known_poses: Floats, drive: KnownMap, queries: Ints) 
 
 
 def _match(
-    union: _Union, drive: KnownMap, queries: Ints, how: WindowSearch, starts: Floats, window: Floats
+    union: _Union, drive: KnownMap, queries: Ints, *, how: WindowSearch, starts: Floats, window: Floats
 ) -> SubmapMatches:
     """Each query with its neighbours against the map, in a window `(3,)` around its start `(q, 3)`."""
     pairs = _pairs(drive.poses, queries, starts, window)
