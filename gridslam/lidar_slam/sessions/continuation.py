@@ -24,9 +24,10 @@ from gridslam.lidar_slam.loop_closure.segments import collect_clouds
 from gridslam.lidar_slam.loop_closure.trajectory import REFINED_SEGMENT_M, SEGMENT_M
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.lidar_slam.sessions.active_scans import active_scans
-from gridslam.lidar_slam.sessions.place_search import KnownMap, find_places
+from gridslam.lidar_slam.sessions.place_search import find_places
 from gridslam.lidar_slam.sessions.session import Constraints, Drive, Session
 from gridslam.lidar_slam.sessions.tracks import JointTracks
+from gridslam.lidar_slam.sessions.whole_map import KnownMap
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

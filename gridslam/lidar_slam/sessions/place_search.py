@@ -6,21 +6,16 @@ several parts of the drive, searched for one by one, put the drive in the same p
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gridslam.core import poses as se2
-from gridslam.core.arrays import offsets_of
 from gridslam.graph.loop_consistency import CHI2_3DOF_99, largest_cliques, pairwise_disagreement
 from gridslam.graph.pose_graph import Edges
 from gridslam.graph.relative_covariance import directed_edges
 from gridslam.kernels.relative_covariance import DirectedEdges
-from gridslam.kernels.scan_matching.segment_clouds import SegmentClouds
-from gridslam.kernels.scan_matching.submap_matching import SubmapMatches, SubmapPairs, match_submaps
-from gridslam.kernels.scan_matching.window_search import WindowSearch
+from gridslam.kernels.scan_matching.submap_matching import SubmapMatches
 from gridslam.lidar_slam.loop_closure import search
 from gridslam.lidar_slam.loop_closure.closure import (
     DISTINCT_RIVAL_RATIO,
@@ -30,13 +25,12 @@ from gridslam.lidar_slam.loop_closure.closure import (
     MIN_SCORE,
 )
 from gridslam.lidar_slam.loop_closure.search import LoopMatches
-from gridslam.lidar_slam.loop_closure.segments import CLOUD_CELL_M
+from gridslam.lidar_slam.sessions.whole_map import KnownMap, WholeMap, match_in, whole_map
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-BEAM_CELL_M = 1.5  # cell of the segments' references in which the beams of the last segment are kept
 SPACINGS = 12, 6, 3  # segments between the parts that are searched for, until a place is found
 UNKNOWN_STD_M = 100.0  # standard deviation of a place anywhere in the map
 MIN_AGREEING = 3  # parts of the drive that put it in one place
@@ -59,18 +53,8 @@ MIN_FITTING, MIN_AROUND = 0.3, 3
 # If all of this number lie in the map and match, `MIN_AGREEING_CHANGED` parts are enough of which none is distinct
 SURE_FITTING = 5
 MARGIN_M = 10.0
-DRAWING = search.DRAWING._replace(max_points=200)  # enough in a window as large as the map, which costs time
 SEARCH = search.SEARCH._replace(yaw_step_rad=0.024, min_score=MIN_SCORE)
 SEARCH_AROUND = SEARCH._replace(min_score=0.05)  # so low that the agreement is known also where it is bad
-
-
-@dataclass(frozen=True, slots=True)
-class KnownMap:
-    """The segments of a map: their poses `(s, 3)`, clouds, and the edges that hold them."""
-
-    poses: Floats
-    clouds: SegmentClouds
-    edges: Edges
 
 
 def find_places(known: KnownMap, drive: KnownMap, first_query: int = 0) -> LoopMatches:
@@ -78,7 +62,7 @@ def find_places(known: KnownMap, drive: KnownMap, first_query: int = 0) -> LoopM
 
     Segments of the drive are numbered after those of the map. Those from `first_query` on are searched for.
     """
-    union = _union(known)
+    union = whole_map(known)
     if not len(union.points):
         return LoopMatches.none()
     size, end = len(known.poses), len(drive.poses)
@@ -149,7 +133,7 @@ def _is_borne_out(is_enough: bool, fitting: int, touching: int) -> bool:
 
 
 def _fitting_around(
-    union: _Union, known_poses: Floats, drive: KnownMap, group: LoopMatches, first_query: int
+    union: WholeMap, known_poses: Floats, drive: KnownMap, group: LoopMatches, first_query: int
 ) -> tuple[int, int]:
     """Numbers of parts of a drive around a group of matches: where it puts them, some lie in the map and match, some touch it."""
     matched = group.edges.target - len(known_poses)
@@ -161,57 +145,19 @@ def _fitting_around(
         return 0, 0
     placed = se2.compose(known_poses[group.edges.source], group.edges.T_source_target)[nearest]
     expected = se2.compose(placed, se2.between(drive.poses[matched[nearest]], drive.poses[parts]))
-    found = _match(
+    found = match_in(
         union, drive, parts, how=SEARCH_AROUND, starts=np.asarray(expected), window=np.array(AROUND_WINDOW)
     )
     known = found.explained + found.contradicted
     return int(((known >= INSIDE) & (found.explained >= MIN_EXPLAINED)).sum()), int((known >= TOUCHING).sum())
 
 
-@dataclass(frozen=True, slots=True)
-class _Union:
-    points: Floats
-    normals: Floats
-    beams: Floats
-
-
-def _union(known: KnownMap) -> _Union:
-    """Points and beams of all segments in the map frame; where several segments cover a cell, those of the last one."""
-    clouds, poses = known.clouds, known.poses
-    segment = np.repeat(np.arange(len(poses)), np.diff(clouds.first_point))
-    c, s = np.cos(poses[segment, 2]), np.sin(poses[segment, 2])
-    points = np.stack(
-        [
-            poses[segment, 0] + c * clouds.points[:, 0] - s * clouds.points[:, 1],
-            poses[segment, 1] + s * clouds.points[:, 0] + c * clouds.points[:, 1],
-        ],
-        axis=1,
-    )
-    nx, ny = clouds.normals.T
-    normals = np.stack([c * nx - s * ny, s * nx + c * ny], axis=1)
-    kept = _last_in_cells(points, CLOUD_CELL_M)
-    chosen = _last_in_cells(poses[:, :2], BEAM_CELL_M)
-    beams = [np.zeros((0, 4))]
-    for k in chosen.tolist():
-        own = clouds.beams[clouds.first_beam[k] : clouds.first_beam[k + 1]]
-        ends = se2.transform_points(poses[k], own.reshape(-1, 2))
-        beams.append(ends.reshape(-1, 4))
-    return _Union(points[kept], normals[kept], np.concatenate(beams))
-
-
-def _last_in_cells(points: Floats, cell_m: float) -> Ints:
-    """Rows, in order, of the last of the points `(n, 2)` in every cell."""
-    cells = np.floor(points / cell_m).astype(np.int64)
-    _, first = np.unique(cells[::-1], axis=0, return_index=True)
-    return np.sort(len(points) - 1 - first)
-
-
-def _search(union: _Union, known_poses: Floats, drive: KnownMap, queries: Ints) -> LoopMatches:
+def _search(union: WholeMap, known_poses: Floats, drive: KnownMap, queries: Ints) -> LoopMatches:
     """Matches of segments of the drive, with their neighbours, in the whole map."""
     low, high = union.points.min(axis=0) - MARGIN_M, union.points.max(axis=0) + MARGIN_M
     centre = np.array([*(0.5 * (low + high)), 0.0])
     window = np.array([*(0.5 * (high - low)), np.pi])
-    found = _match(
+    found = match_in(
         union, drive, queries, how=SEARCH, starts=np.tile(centre, (len(queries), 1)), window=window
     )
     is_plausible = (
@@ -221,46 +167,6 @@ def _search(union: _Union, known_poses: Floats, drive: KnownMap, queries: Ints) 
         & (found.rival_scores <= MAX_RIVAL_RATIO * found.scores)
     )
     return _as_loops(found, known_poses, queries).select(is_plausible)
-
-
-def _match(
-    union: _Union, drive: KnownMap, queries: Ints, *, how: WindowSearch, starts: Floats, window: Floats
-) -> SubmapMatches:
-    """Each query with its neighbours against the map, in a window `(3,)` around its start `(q, 3)`."""
-    pairs = _pairs(drive.poses, queries, starts, window)
-    return match_submaps(_with_map(drive.clouds, union), pairs, DRAWING, how, search.REGISTRATION)
-
-
-def _pairs(poses: Floats, queries: Ints, starts: Floats, window: Floats) -> SubmapPairs:
-    """Each query with its neighbours against the map, which is the last segment."""
-    n, count = len(poses), len(queries)
-    first = np.maximum(queries - search.QUERY_SEGMENTS, 0)
-    last = np.minimum(queries + search.QUERY_SEGMENTS, n - 1)
-    members = [se2.between(poses[q], poses[a : b + 1]) for q, a, b in zip(queries, first, last, strict=True)]
-    whole = np.full(count, n, np.int64)
-    return SubmapPairs(
-        target_first=whole,
-        target_last=whole,
-        target_row=np.arange(count + 1, dtype=np.int64),
-        target_poses=np.zeros((count, 3)),
-        query_first=first,
-        query_last=last,
-        query_row=offsets_of((last - first + 1).tolist()),
-        query_poses=np.concatenate(members),
-        starts=starts,
-        windows=np.tile(window, (count, 1)),
-    )
-
-
-def _with_map(clouds: SegmentClouds, union: _Union) -> SegmentClouds:
-    """The clouds of the drive, and the map as one more segment."""
-    return SegmentClouds(
-        np.concatenate([clouds.points, union.points]),
-        np.concatenate([clouds.normals, union.normals]),
-        np.append(clouds.first_point, len(clouds.points) + len(union.points)),
-        np.concatenate([clouds.beams, union.beams]),
-        np.append(clouds.first_beam, len(clouds.beams) + len(union.beams)),
-    )
 
 
 def _as_loops(found: SubmapMatches, known_poses: Floats, queries: Ints) -> LoopMatches:
