@@ -1,4 +1,4 @@
-"""The values that a key may have, in words, from the JSON schema of its model: bounds cannot differ from what is checked."""
+"""The values that a key may have, in words. They are derived from the JSON schema of its model, so that they match the checks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ ONE_SIDED = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusi
 
 
 def allowed_values(schema: Mapping[str, Any]) -> str:
-    """The values that a JSON schema allows: `0 to 1`, `> 0, <= 1`, `each > 0`, `fast or exact`; empty where it excludes none."""
+    """The values that a JSON schema allows: `0 to 1`, `> 0, <= 1`, `each > 0`, `fast or exact`; empty if it allows any."""
     if "enum" in schema:
         return " or ".join(str(value) for value in schema["enum"])
     if "anyOf" in schema:

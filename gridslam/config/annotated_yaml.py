@@ -1,4 +1,4 @@
-"""A configuration as YAML with each key's description, range and default beside it: what `gridslam config show` prints."""
+"""A configuration as YAML with the description, range and default of each key, as `gridslam config show` prints it."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ UNBROKEN = "\0"  # stands for a space at which a line is not broken
 def annotated_yaml(config: BaseModel, *, with_advanced: bool = False) -> str:
     """The YAML text of a configuration; the comment of a key is its description with `[allowed values; default]`.
 
-    The default is left out where it is the value shown. A key without a value is written as a comment, so that the text read
-    back gives the same configuration. Sections called `advanced`, and what the entries of a mapping or a list consist of, are
-    left out unless `with_advanced` is true; a last line then says that they exist.
+    The default is omitted if it is the value shown. A key without a value is written as a comment, so that reading the text gives
+    the same configuration. Without `with_advanced`, sections called `advanced` and the keys of entries of mappings and lists are
+    omitted, and a last line says that they exist.
     """
     hidden: list[str] = []
     defaults = type(config).model_construct()
@@ -63,7 +63,7 @@ def _section(
 
 
 def _key(config: BaseModel, defaults: BaseModel, name: str, indent: str) -> Iterator[str]:
-    """One key with its value; the comment stands behind it where it is short, and above it where it is long."""
+    """One key with its value; a short comment is behind it, a long one above it."""
     value = _plain(config, name)
     line = f"{indent}# {name}:" if value is None else f"{indent}{name}: {_flow(value)}"
     default = _plain(defaults, name) if hasattr(defaults, name) else value

@@ -1,4 +1,4 @@
-"""Values that Python code gives for keys, as the values that a YAML file could hold."""
+"""Converts values that Python code gives for keys to values that a YAML file can have."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from gridslam.core.errors import ConfigError
 
 
 def plain_value(value: object, key: str) -> Any:
-    """The value of a key in numbers, texts, lists and mappings: arrays and numpy's scalars are converted, paths become texts.
+    """The value of a key as numbers, strings, lists and mappings. Numpy arrays and scalars are converted, paths become strings.
 
-    Raises ConfigError, which names the key: the value has no such form.
+    Raises ConfigError, which names the key: the value cannot be converted.
     """
     if isinstance(value, BaseModel):  # a section of a loaded configuration
         return value.model_dump(mode="json", exclude_none=True)

@@ -23,7 +23,7 @@ def evenly_to_the_last(n: int, max_count: int) -> Ints:
 
 
 def offsets_of(counts: Iterable[int]) -> Ints:
-    """Indices `(n + 1,)` of the first item of each of n groups that lie one behind the other, and the end of the last group."""
+    """Start indices of n consecutive groups with the given sizes, and the end of the last group, `(n + 1,)`."""
     return np.concatenate([[0], np.cumsum(np.fromiter(counts, np.int64))])
 
 

@@ -20,14 +20,14 @@ from typing import IO
 from gridslam.core.errors import ConfigError
 
 STALE_AFTER_S = 60.0  # younger unlocked outputs may be about to be locked by their writer
-Identity = tuple[int, int, int]  # device, inode, time of change of a file
-ANY: Identity = (-1, -1, -1)  # whatever is there may be replaced
+Identity = tuple[int, int, int]  # device, inode and time of change of a file
+ANY: Identity = (-1, -1, -1)  # any existing file may be replaced
 _RANDOM = "[a-z0-9_]{8}"  # inserted by tempfile between a name and its suffix
 _MAX_NAME_BYTES = 255 - len("..12345678.partial")
 
 
 def real_path(path: Path) -> Path:
-    """The absolute path without symbolic links; a loop of links is left in it, so that opening it is what fails."""
+    """The absolute path without symbolic links. A loop of links is kept, so that opening the path fails."""
     return Path(os.path.realpath(path))
 
 
@@ -68,7 +68,7 @@ def put_file(stream: IO[bytes], target: Path, before: Identity | None = ANY) -> 
 
 
 def identity_of(target: Path) -> Identity | None:
-    """Identity of the file or folder at a path, by which a later replacement is noticed; None if nothing is there."""
+    """Identity of the file or folder at a path, which shows whether it is replaced later; None if the path does not exist."""
     try:
         state = target.stat()
     except OSError:
@@ -77,7 +77,7 @@ def identity_of(target: Path) -> Identity | None:
 
 
 def refuse_if_made_since(target: Path, before: Identity | None) -> None:
-    """Raise ConfigError if something is at the path that was not there `before`."""
+    """Raise ConfigError if the path has another identity than `before`: another process has written it."""
     now = identity_of(target)
     if before != ANY and now not in (None, before):
         raise ConfigError(f"{target}: another process has written it meanwhile; it is left as it is")
@@ -158,7 +158,7 @@ def check_name(path: Path) -> None:
 
 
 def check_has_name(path: Path) -> None:
-    """Raise ConfigError for a path without a name of its own beside which others could be made: `.`, `..` or `/`."""
+    """Raise ConfigError for `.`, `..` or `/`, which have no name from which temporary names could be made."""
     if path.name in ("", ".", ".."):
         raise ConfigError(f"{path}: is not a name for an output; choose another")
 
@@ -218,7 +218,7 @@ def making(target: Path) -> Iterator[None]:
 
 @contextmanager
 def _naming(target: Path) -> Iterator[None]:
-    """Let an OSError name the target instead of its temporary form or nothing."""
+    """Make an OSError name the target, instead of its temporary name or no file."""
     try:
         yield
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Large memory straight from the system, and memory that was freed back to it."""
+"""Control of the C allocator: large arrays come from the system directly, and freed memory is returned to it."""
 
 from __future__ import annotations
 
@@ -11,37 +11,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 M_MMAP_THRESHOLD = -3  # the parameter of mallopt
-LARGE_BYTES = 256 << 10  # smaller arrays come and go often, and pages take their time
+LARGE_BYTES = 256 << 10  # smaller arrays are allocated often, and mapping pages for them would take time
 
 Kind = TypeVar("Kind", bound=np.generic)
 
 
 def system_zeros(size: int, dtype: type[Kind]) -> NDArray[Kind]:
-    """`size` zeros, of which only the pages that are written take memory; the system gets it back with the array's last use.
+    """An array of `size` zeros. Its pages take memory only once they are written, and are returned to the system when freed.
 
-    An allocator may clear all of such an array, and keep it when it is freed.
+    With `numpy.zeros` the allocator may write all pages, and keep the memory.
     """
     return np.frombuffer(mmap.mmap(-1, max(size, 1) * np.dtype(dtype).itemsize), dtype, size)
 
 
 def return_freed_memory() -> None:
-    """Give the system what was freed: glibc keeps it for later, and where it lay between small objects much of it.
+    """Return freed memory to the system, which glibc otherwise keeps for later allocations. Does nothing without glibc.
 
-    Worth its milliseconds where a stage of a run ends and the next one takes large arrays. Without glibc it does nothing.
+    It takes milliseconds: call it when a stage of a run has ended and the next one needs large arrays.
     """
     _glibc("malloc_trim", 0)
 
 
 def take_large_arrays_from_the_system() -> None:
-    """Let glibc take each array of `LARGE_BYTES` from the system, which gets it back when it is freed.
+    """Make glibc allocate arrays of `LARGE_BYTES` or more from the system, and return them when they are freed.
 
-    Left to itself it does so until the first of them is freed, and then keeps memory for those to come.
+    By default, glibc stops doing so once the first of them is freed, and keeps the memory.
     """
     _glibc("mallopt", M_MMAP_THRESHOLD, LARGE_BYTES)
 
 
 def _glibc(name: str, *numbers: int) -> None:
-    """Call one of the functions by which glibc lets its memory be controlled, where they are."""
+    """Call a function of glibc that controls its memory; does nothing without glibc."""
     if sys.platform == "linux":
         function = getattr(ctypes.CDLL(None), name, None)
         if function is not None:

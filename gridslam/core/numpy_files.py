@@ -1,4 +1,4 @@
-"""Numpy files (.npy, .npz): written with the same bytes for the same values, read although they may be damaged."""
+"""Numpy files (.npy, .npz): equal arrays are written to equal bytes, and damaged files are read safely."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def damage_as_value_error() -> Iterator[None]:
 def npz_bytes(arrays: Iterable[tuple[str, NDArray[np.generic]]], stored: Collection[str] = ()) -> bytes:
     """The content of an .npz file of named arrays, compressed one after the other; `numpy.load` reads it.
 
-    Arrays whose names are `stored` hold compressed data and are kept as they are. The same arrays give the same bytes: a name
-    without a date gets the earliest one of the format.
+    Arrays whose names are `stored` hold compressed data and are kept as they are. The same arrays give the same bytes: all
+    entries get the earliest date of the format.
     """
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=COMPRESSION_LEVEL) as archive:

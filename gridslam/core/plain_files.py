@@ -1,4 +1,4 @@
-"""Files that a user names are read as far as a limit; a device or a pipe, which may never end, is refused."""
+"""Reads files that a user names, up to a size limit. A device or a pipe, which may never end, is refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Processes that this one starts and ends itself."""
+"""Child processes that only this process ends."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ FROM_TERMINAL = frozenset((signal.SIGINT, signal.SIGHUP))
 
 @contextmanager
 def shielded_from_terminal() -> Iterator[None]:
-    """Processes started in the block never get Ctrl-C, nor the end of their terminal, which reach all processes of it.
+    """Processes started in the block ignore Ctrl-C and the end of the terminal, which are sent to all processes of a terminal.
 
-    Only this process, which ends the others, handles them; one that comes within the block waits until its end.
+    Only this process handles these signals, and ends the others. A signal that arrives within the block is handled after it.
     """
     resource_tracker.ensure_running()  # or its start, which unblocks signals, would be that of the first process
     before = signal.pthread_sigmask(signal.SIG_BLOCK, FROM_TERMINAL)

@@ -1,6 +1,6 @@
-"""Stamps between decimal text, ROS's (sec, nanosec) and integer nanoseconds, without a float in between.
+"""Conversion of stamps between decimal text, ROS's (sec, nanosec) and integer nanoseconds, without rounding to a float.
 
-A stamp is valid from 0 to 2^31 s, what every format can hold; digits beyond the nanosecond are cut off.
+Valid stamps, from 0 to 2^31 s, can be stored in every format. Digits beyond the nanosecond are cut off.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def parse_stamp(text: str, unit: str = "s") -> int | None:
             return None
         stamp = int(whole) * NS_PER_S + int((fraction[:9]).ljust(9, "0"))
     else:
-        if "_" in text or not text.isascii():  # which Decimal reads, and other programs do not
+        if "_" in text or not text.isascii():  # Decimal would read these, but other programs do not
             return None
         try:
             value = Decimal(text.strip())

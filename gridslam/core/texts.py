@@ -1,4 +1,4 @@
-"""Texts: whether every format can hold them, whether they are numbers, and how to show all that they hold."""
+"""Strings: whether every log format can store them, whether they are numbers, and how to show them safely."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from collections.abc import Sequence
 _INVISIBLE = re.compile(
     "[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u061c\\u200b-\\u200f\\u2028-\\u202e\\u2060-\\u206f\\ufeff]"
 )
-MAX_LINE = 2000  # characters of a message to the user
+MAX_LINE = 2000  # largest number of characters of a message to the user
 
 
 def is_storable(text: str) -> bool:
-    """Whether every format holds a text: it has no zero, which ends a string of ROS, and no half character (lone surrogate)."""
+    """Whether every log format can store a string: it has no NUL, which ends a ROS string, and no lone surrogate."""
     try:
         return b"\0" not in text.encode()
     except UnicodeEncodeError:
@@ -21,9 +21,9 @@ def is_storable(text: str) -> bool:
 
 
 def parse_number(word: str | bytes) -> float:
-    """The number that a word of a text file is, infinities and NaN included. Raises ValueError: it is none.
+    """The number in a word of a text file; infinities and NaN are numbers. Raises ValueError: it is not a number.
 
-    Python's own `float` takes more than other programs do: `1_000`, and digits of all scripts.
+    Unlike `float`, it refuses what other programs do not read: `1_000`, and digits other than 0 to 9.
     """
     if isinstance(word, bytes):
         word = word.decode("ascii")
@@ -33,7 +33,7 @@ def parse_number(word: str | bytes) -> float:
 
 
 def parse_numbers(words: Sequence[str] | Sequence[bytes]) -> list[float]:
-    """The numbers that many words are, as `parse_number` reads each. Raises ValueError: one is none."""
+    """The numbers in many words, as `parse_number` reads them. Raises ValueError: one is not a number."""
     joined = b"".join(words) if words and isinstance(words[0], bytes) else "".join(words)  # type: ignore[arg-type]
     if (b"_" if isinstance(joined, bytes) else "_") in joined or not joined.isascii():  # type: ignore[operator]
         raise ValueError("a word is not a number")
@@ -55,7 +55,7 @@ def visible(text: str) -> str:
 
 
 def shortened(line: str) -> str:
-    """The line without its middle, where it is longer than a screen."""
+    """The line, without its middle if it is longer than a screen."""
     if len(line) <= MAX_LINE:
         return line
     half = MAX_LINE // 2

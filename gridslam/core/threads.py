@@ -11,9 +11,9 @@ MAX_DIGITS = 4  # digits of a number of threads: no machine has more cores
 
 
 def drop_wrong_counts() -> list[str]:
-    """The variables `NAME=value` whose value is not a number of threads; they are removed, or libraries would end the program.
+    """Remove the environment variables whose value is not a number of threads, and return them as `NAME=value`.
 
-    OpenMP takes a list as well: a number for each level of nesting.
+    With such a value, libraries would end the program. OpenMP also takes a list: a number for each level of nesting.
     """
     wrong = []
     for name in VARIABLES:

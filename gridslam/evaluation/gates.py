@@ -59,7 +59,7 @@ def parse_gate(text: str) -> Gate:
 
 
 def measures_of(document: Mapping[str, Any]) -> dict[str, Value]:
-    """The measures of a document by dotted key; lists are none."""
+    """The measures of a document by dotted key; lists are not measures."""
     return {key: value for key, value in flatten(document).items() if not isinstance(value, (list, tuple))}
 
 

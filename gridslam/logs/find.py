@@ -20,8 +20,8 @@ LOG_FILES = ("metadata.yaml", "log.yaml")  # a folder with one of these is a log
 def find_logs(path: str | Path) -> list[Path]:
     """The logs that a path means, sorted by name; a pattern has `*`, `?` or `[`.
 
-    A folder that is not a log itself stands for the logs in it; without any, for itself, so that opening it says what is wrong.
-    Raises LogError: a pattern matches nothing, or the name is one that no file can have.
+    A folder that is not a log means the logs in it. If it has none, it is returned itself, so that opening it raises the error.
+    Raises LogError: a pattern matches nothing, or no file can have the name.
     """
     path = Path(path)
     try:

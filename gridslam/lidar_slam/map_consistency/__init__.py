@@ -1,1 +1,1 @@
-"""Consistency of a finished map with the scans that it was made of: a calibrated measure of doubt, without any truth."""
+"""Consistency of a finished map with its own scans: a calibrated measure of doubt that needs no ground truth."""

@@ -1,7 +1,7 @@
 """The doubt about a finished map, and the places that it comes from.
 
-It is calibrated on maps with a known truth (tests/benchmarks/bench_doubt.py), and cannot know of errors where no place was seen
-twice.
+It is calibrated on maps with a known truth (tests/benchmarks/bench_doubt.py). Errors where no place was seen twice cannot be
+found.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ MIN_SCANS = 3
 
 @dataclass(frozen=True, slots=True)
 class MapConsistency:
-    """Doubt in [0, 1], that of the most doubtful place; the places, most doubtful first; how much of the map could be checked.
+    """The `doubt` about a map, in [0, 1], which is that of its most doubtful place, and how much of the map could be checked.
 
-    `compared_wall_m` of wall were seen by more than one passage; `contradicted_wall_m` of it are looked through by another one.
-    `revisited` is the fraction of the path with other passages near it; the longest part without is
-    `longest_unchecked_m`.
+    `places` are the doubtful places, most doubtful first. `compared_wall_m` is the length of wall seen by more than one passage,
+    `contradicted_wall_m` the part of it that another passage looked through. `revisited` is the fraction of the path with other
+    passages near it, `longest_unchecked_m` its longest part without any.
     """
 
     doubt: float
@@ -58,7 +58,7 @@ class MapConsistency:
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether the map should not be used unseen."""
+        """Whether the map should not be used without a look at it."""
         return self.doubt > DOUBTFUL
 
     @property

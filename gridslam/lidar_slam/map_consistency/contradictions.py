@@ -1,7 +1,7 @@
 """Walls that one passage has seen and another one has looked through.
 
-What a passage contradicts itself is left out: people who walk, glass, twigs. Small errors of the poses are within the tolerance.
-What is left counts where it is coherent: neighbouring cells of wall, each seen by several scans.
+Points that their own passage contradicts are ignored: they are walking people, glass or twigs. Small errors of the poses are
+within the tolerance. Other contradictions count if they are coherent: in neighbouring cells of wall, each seen by several scans.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 CELL_M = 0.25  # cell in which contradicted wall is counted
-MIN_SCANS = 2  # smallest number of scans that see a cell of wall which others look through
+MIN_SCANS = 2  # smallest number of scans that must see a contradicted cell of wall
 JOINED_M = 0.75  # cells this near to each other are one place
 
 
@@ -36,14 +36,14 @@ class Contradiction:
 
 @dataclass(frozen=True, slots=True)
 class Contradictions:
-    """The places, largest first, and metres of wall that more than one passage has seen or looked through."""
+    """The places, largest first, and the length (m) of wall that more than one passage has seen or looked through."""
 
     places: list[Contradiction]
     compared_wall_m: float
 
     @property
     def wall_m(self) -> float:
-        """Metres of wall that are contradicted."""
+        """Length (m) of contradicted wall."""
         return float(sum(place.wall_m for place in self.places))
 
 

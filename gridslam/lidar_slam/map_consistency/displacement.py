@@ -1,6 +1,6 @@
 """Whether a contradiction is a displaced passage: would both passages agree if one of them were moved?
 
-What was moved in the building, or opened, contradicts as well, but no displacement of the whole passage explains it.
+Doors and furniture that were moved cause contradictions as well, but no displacement of a whole passage explains those.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ POINT_STEP = 2  # every second point of a scan is moved
 
 @dataclass(frozen=True, slots=True)
 class Displacement:
-    """By how much (m) one passage would have to be moved, how much better it then agrees, and the two scans.
+    """The displacement (m) of one passage, how much better it agrees when it is moved back, and the two scans that show it.
 
-    `gain` is the change, a comparison of a point with a scan, of the points on surfaces less `FREE_COST` times those in
-    free space: about 1 where a passage is displaced, about 0 where something was moved.
+    `gain` is the increase, per comparison of a point with a scan, of points on surfaces minus `FREE_COST` times the points in
+    free space: about 1 if a passage is displaced, about 0 if an object was moved.
     """
 
     dx_m: float

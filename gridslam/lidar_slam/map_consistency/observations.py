@@ -1,4 +1,4 @@
-"""Comparison of the scans of a finished map: each one's points as free space or surfaces in the others."""
+"""Comparison of the scans of a finished map: which points of each scan the others see as surface, and which as free space."""
 
 from __future__ import annotations
 

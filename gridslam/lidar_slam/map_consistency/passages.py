@@ -1,4 +1,4 @@
-"""Partners with which every scan is compared: a few of other passages through the same place, and of its own passage."""
+"""The partners with which each scan is compared: some from other passages through the same place, some from its own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Departures of a finished trajectory from the motions that scan matching measured: strained paths, loops not met."""
+"""Differences between a finished trajectory and the motions that scan matching measured: strained paths and open loops."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LENGTHS_M = (5.0, 10.0, 20.0, 40.0)
 
 @dataclass(frozen=True, slots=True)
 class StrainedPath:
-    """A part of the path, by its scans: how far (m) its end in the map lies from where scan matching has it, seen from its start.
+    """A part of the path, given by two scans: the distance (m) between its end in the map and its end by scan matching.
 
     `strain` is this distance in standard deviations of the front end's drift and of the scans' poses.
     """

@@ -84,12 +84,12 @@ def opened_picture(data: bytes, formats: tuple[str, ...], max_pixels: int = MAX_
 
 
 def rows_of(data: bytes, height: int, used: int, step: int) -> NDArray[np.uint8]:
-    """The first `used` bytes of each row `(height, used)` of `step` bytes; the last one may end with what is used.
+    """The first `used` bytes `(height, used)` of each row of `step` bytes; the last row may end after them.
 
     Raises ValueError: there are fewer bytes.
     """
     if step < used or height <= 0 or used <= 0 or len(data) < step * (height - 1) + used:
         raise ValueError("image size and data disagree")
-    step = step if height > 1 else used  # which a row alone may claim to be of any length
+    step = step if height > 1 else used  # a message with a single row may state any step
     padded = np.frombuffer(data.ljust(step * height, b"\0"), np.uint8, step * height).reshape(height, step)
     return np.ascontiguousarray(padded[:, :used])

@@ -23,7 +23,7 @@ class TableColumns:
     folder: Path
     frame: str = ""  # frame_id of rows that name none
     frame_column: str = "frame"
-    naming_column: str = ""  # names the frame where the frame's column does not
+    naming_column: str = ""  # names the frame in rows where the column of the frame is empty
     child_frame: str = "base_link"
     places: dict[str, int] = field(default_factory=dict)  # our name -> field number
     texts: dict[str, str] = field(default_factory=dict)  # constants of text columns
@@ -36,10 +36,10 @@ class TableColumns:
     range_divisor: float | None = None
     invalid: tuple[float, ...] = ()
     invalid_from: float | None = None
-    frame_falls_back: bool = True  # to the naming column, where a row names no frame
+    frame_falls_back: bool = True  # whether rows that name no frame use the naming column
 
     def mark_invalid(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Set readings `(beams,)`, in the file's unit, to NaN in place where they mean no return; returns the same array."""
+        """Set the readings `(beams,)`, in the file's unit, that mean no return to NaN; returns the same array."""
         for value in self.invalid:
             values[values == value] = np.nan
         if self.invalid_from is not None:

@@ -13,9 +13,9 @@ from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 
 def plain_name(value: object) -> str:
-    """A name of a message: a zero ends it, as in C, and no format can hold one; empty where JSON has null.
+    """A name in a message, up to the first NUL, which no format can store; empty for null in JSON.
 
-    Raises TypeError: it is neither a text nor an integer.
+    Raises TypeError: it is neither a string nor an integer.
     """
     if isinstance(value, str):
         return value.partition("\0")[0]
@@ -32,7 +32,7 @@ def frame_name(value: object) -> str:
 
 
 def vector(values: Any, dtype: type[Scalar]) -> NDArray[Scalar]:
-    """A list of numbers `(n,)` of a message. Raises ValueError: it is none, as JSON may have null or a list of lists."""
+    """A list of numbers `(n,)` of a message. Raises ValueError: it is something else, such as null or a list of lists in JSON."""
     found = readonly(values, dtype)
     if found.ndim != 1 or isinstance(values, str) or not hasattr(values, "__len__"):
         raise ValueError("expected a list of numbers")

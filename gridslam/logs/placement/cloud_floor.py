@@ -1,4 +1,4 @@
-"""Whether the floor lies where a cloud sensor's extrinsics put it: one that hangs upside down or is tilted shows it elsewhere."""
+"""Checks whether a cloud sensor sees the floor where its extrinsics put it. If it hangs upside down or is tilted, it does not."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from gridslam.logs.streams import Source, first_items
 
 Floats = NDArray[np.float64]
 
-PEEKED_CLOUDS, EVERY_CLOUD = 20, 4  # of the first 20 clouds every fourth is looked at: clouds are large
-MAX_POINTS, TRIALS = 4000, 400  # number of points that are looked at, and of planes through three of them
+PEEKED_CLOUDS, EVERY_CLOUD = 20, 4  # every fourth of the first 20 clouds is examined, since clouds are large
+MAX_POINTS, TRIALS = 4000, 400  # largest number of points examined, and number of planes tried
 PLANE_M = 0.04  # half thickness of a floor: noise of ranges, unevenness
 MAX_BELOW = 0.01  # fraction of the points that may lie below the floor: reflections
 MIN_CONTRAST = 2.0  # smallest ratio of the points of a floor to those within as much height above it
 MIN_FRACTION = 0.05  # smallest fraction of points on the floor, for a sensor that sees it at all
-MAX_MISSING = 0.3  # points where the extrinsics put the floor, at most, relative to those of the floor found
+MAX_MISSING = 0.3  # largest number of points where the extrinsics put the floor, relative to the points of the floor found
 MAX_HEIGHT_ERROR = 0.15  # largest relative error of the height above the floor
 MAX_TILT_RAD = math.radians(30.0)  # largest tilt of a sensor that looks around
 # Smallest tilt that is a fault: less may be the floor's, and the height band allows it
@@ -58,7 +58,7 @@ def lidars_on_the_floor(
 
 
 def placed_by_floor(lidar: VirtualLidar, clouds: Iterable[PointCloud], counts: MessageCounts) -> VirtualLidar:
-    """The lidar with the rotation that puts the floor below it; the same object where it is there, or is not seen."""
+    """The lidar with the rotation that puts the floor below it; the same object if the floor is there already, or not seen."""
     height_m = float(lidar.translation_m[2])
     points = _sample([cloud.points_m for cloud in clouds])
     if len(points) < MAX_POINTS // 4:
@@ -106,7 +106,7 @@ def _above_the_floor(lidar: VirtualLidar, points: Floats, counts: MessageCounts)
 def _lowest_level(points: Floats) -> float | None:
     """The height (m) of the lowest wide and level plane through many of the points `(n, 3)`; None if there is none.
 
-    Walls stand on a floor, and right above it there are fewer points: all points of a planar lidar lie in one plane as well.
+    A floor has points above it (walls), but few right above it. A plane with all points, as of a planar lidar, is not a floor.
     """
     heights = np.sort(points[:, 2])
     above_m = heights - heights[int(MAX_BELOW * len(heights))]

@@ -1,4 +1,4 @@
-"""From static transforms and the config to one T_base_sensor per sensor frame."""
+"""Computes one T_base_sensor per sensor frame, from static transforms and the config."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Tree = Mapping[str, tuple[str, Rigid]]  # child -> parent, T_parent_child
 
 
 def usable(edges: Iterable[Transform], message_counts: MessageCounts) -> list[Transform]:
-    """The transforms that are rigid motions of a robot's size; the others are counted."""
+    """The transforms that are usable rigid motions; the others are counted."""
     found = []
     for edge in edges:
         reason = transform.unusable_reason(edge)
@@ -40,7 +40,7 @@ def usable(edges: Iterable[Transform], message_counts: MessageCounts) -> list[Tr
 
 
 def tree_of(edges: Iterable[Transform]) -> dict[str, tuple[str, Rigid]]:
-    """The tree of frames; the later of two transforms to one child is taken."""
+    """The tree of frames; of two transforms to one child the later one is used."""
     tree: dict[str, tuple[str, Rigid]] = {}
     for edge in edges:
         quaternion = rotations.normalise(edge.quat_wxyz)
@@ -52,9 +52,9 @@ def tree_of(edges: Iterable[Transform]) -> dict[str, tuple[str, Rigid]]:
 def refuse_several_places(
     edges: Collection[Transform], frames: Iterable[str], base_frame: str, config: Collection[str]
 ) -> None:
-    """Raises ConfigError: transforms contradict each other about the place of one of the `frames` on the robot.
+    """Raises ConfigError: transforms contradict each other about the pose of one of the `frames` on the robot.
 
-    Those that the config places are left out.
+    Frames with extrinsics in the config are not checked.
     """
     tree = tree_of(edges)
     edges_to: dict[str, list[Transform]] = {}
@@ -100,7 +100,7 @@ def _in_words(edge: Transform) -> str:
 
 
 def ancestors(tree: Tree, frame: str) -> dict[str, Rigid]:
-    """The ancestors of the frame, itself first, with T_ancestor_frame. A cycle ends at its second visit, all at MAX_DEPTH."""
+    """The frame and its ancestors, with T_ancestor_frame. The list ends where a cycle closes, and at MAX_DEPTH."""
     found = {frame: rotations.IDENTITY}
     above = rotations.IDENTITY
     while frame in tree and len(found) <= MAX_DEPTH:

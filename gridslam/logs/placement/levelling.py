@@ -67,7 +67,7 @@ def find_tilt(
     tree: extrinsics.Tree,
     message_counts: MessageCounts,
 ) -> Tilt | None:
-    """The robot's tilt by the first IMU that can be trusted; None if it stays level, or no IMU knows. Both are noted."""
+    """The robot's tilt by the first IMU that can be trusted; None if the robot stays level, or no IMU measures its tilt."""
     imus = _imus(source, config)
     if not imus:
         return None
@@ -124,14 +124,14 @@ class LevelBand:
 
     @classmethod
     def of_lidar(cls, height_m: float) -> LevelBand:
-        """The band for a lidar so high above the base, which stands on the floor unless the lidar is not higher."""
+        """The band for a lidar at this height above the base. The base is taken to be on the floor if the lidar is above it."""
         if height_m < MIN_KNOWN_HEIGHT_M:
             return cls(height_m - HALF_BAND_M, height_m + HEADROOM_M)
         return cls(min(0.5 * height_m, GROUND_M), height_m + HEADROOM_M)
 
 
 def level_scan(scan: LaserScan, T_level_sensor: Rigid, band: LevelBand) -> LaserScan:
-    """The scan with readings that end outside the band as NaN; the same object where there are none."""
+    """The scan with NaN for readings that end outside the band; the same object if there are none."""
     _, _, axis_z = rotation_matrix(T_level_sensor[1])
     angles = scan.angle_min_rad + scan.angle_increment_rad * np.arange(len(scan.ranges_m))
     rise = axis_z[0] * np.cos(angles) + axis_z[1] * np.sin(angles)
@@ -152,7 +152,7 @@ def fixed_tilt_rad(T_base_sensor: Rigid) -> float:
 
 
 def without_floor(scan: LaserScan, T_base_sensor: Rigid) -> LaserScan:
-    """The scan of a lidar on a level base, without what its fixed tilt has it see of floor and ceiling."""
+    """The scan of a lidar on a level base, without the floor and ceiling that it sees because of its fixed tilt."""
     if not fixed_tilt_rad(T_base_sensor):
         return scan
     return level_scan(scan, T_base_sensor, LevelBand.of_lidar(T_base_sensor[0][2]))
@@ -223,7 +223,7 @@ def _readings(stamps: array[int], values: array[float]) -> ImuReadings:
 
 
 def _extrinsics_of(frame: str, tree: extrinsics.Tree, config: LogConfig, base: str) -> Rigid | None:
-    """T_base_imu; None if the log does not say it."""
+    """T_base_imu; None if the log does not state it."""
     if frame in config.extrinsics:
         m = config.extrinsics[frame]
         return (m.x, m.y, m.z), rotations.from_euler(m.roll, m.pitch, m.yaw)

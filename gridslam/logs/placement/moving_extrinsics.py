@@ -40,9 +40,9 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class MovingExtrinsics:
-    """The chain from the base to a sensor: poses that stay, and joints; and the tilt of the base where scans are levelled.
+    """The chain from the base to a sensor, of fixed poses and joints, and the tilt of the base if scans are levelled.
 
-    `is_upright`: the sensor's frame is level already, and the tilt moves it only.
+    `is_upright`: the sensor's frame is level already, so that the tilt only shifts it.
     """
 
     base_frame: str
@@ -70,7 +70,7 @@ class MovingExtrinsics:
 def moving_extrinsics(
     source: Source, frames: Sequence[str], tree: Mapping[str, tuple[str, Rigid]], base_frame: str
 ) -> dict[str, MovingExtrinsics]:
-    """The mounts of those of the frames that a moving transform connects with the base. `tree` has the rigid ones."""
+    """The extrinsics of the frames that a moving transform connects with the base; `tree` has the fixed transforms."""
     moving = {s.child_frame: i for i, s in enumerate(source.streams) if _moves(s, tree, base_frame)}
     chains = {frame: chain for frame in frames if (chain := _chain(frame, tree, moving, source, base_frame))}
     wanted = frozenset(i for chain in chains.values() for i in chain if isinstance(i, int))
@@ -98,7 +98,7 @@ def _chain(
     source: Source,
     base_frame: str,
 ) -> list[int | Rigid]:
-    """Rigid poses, and streams of moving ones, from the base to a frame; empty where no moving one lies in between."""
+    """Fixed poses, and streams of moving ones, from the base to a frame; empty if no moving one lies in between."""
     chain: list[int | Rigid] = []
     while frame != base_frame and len(chain) < MAX_JOINTS:
         if frame in tree:

@@ -20,14 +20,16 @@ from gridslam.logs.rotations import Rigid
 from gridslam.logs.selection import StreamSelection
 from gridslam.logs.streams import RecordedStream, Source
 
-WORLD_FRAMES = frozenset({"map", "odom", "world", "camera_init"})  # names of frames that stand still
+# Names of frames that do not move with the robot
+WORLD_FRAMES = frozenset({"map", "odom", "world", "camera_init"})
 
 
 @dataclass(frozen=True, slots=True)
 class SensorPlacement:
-    """Extrinsics of the sensor frames in use, one each; by frame the sensors on joints, and the lidars made of clouds.
+    """Extrinsics of the sensor frames in use.
 
-    `tilted`: T_base_sensor of the planar lidars that are mounted with a tilt, and see floor or ceiling.
+    `fixed` are static transforms, one per frame. By frame: `moving` are sensors on joints, `virtual_lidars` those made of clouds,
+    `tilted` T_base_sensor of planar lidars that are mounted with a tilt, and see floor or ceiling.
     """
 
     fixed: Sequence[Transform]
@@ -144,7 +146,7 @@ def _lidar_frames(streams: Sequence[RecordedStream], selection: StreamSelection)
 def _frames_in_use(
     streams: Sequence[RecordedStream], selection: StreamSelection, tree: extrinsics.Tree, config: LogConfig
 ) -> list[str]:
-    """Frames of the sensors that are read; those of IMUs only where their place is known."""
+    """Frames of the sensors that are read; frames of IMUs only if their extrinsics are known."""
     used = [streams[i] for i, kind in selection.kind_of.items() if KINDS[kind].is_sensor]
     frames = [frame for stream in used if stream.kind != "imu" for frame in stream.frames]
     of_imus = [frame for stream in used if stream.kind == "imu" for frame in stream.frames]
@@ -183,7 +185,7 @@ def _refuse_registered(
 ) -> None:
     """Raises ConfigError: clouds or scans are in a frame that does not move with the robot, registered by another program."""
     of_odometry = {f for i, kind in selection.kind_of.items() if kind == "odom" for f in streams[i].frames}
-    fixed = WORLD_FRAMES | (of_odometry - {""})  # a message without a frame says nothing
+    fixed = WORLD_FRAMES | (of_odometry - {""})  # a message without a frame is no evidence
     for index, kind in selection.kind_of.items():
         stream = streams[index]
         still = [f for f in stream.frames if f in fixed and f not in config.extrinsics]
@@ -195,7 +197,7 @@ def _refuse_registered(
 
 
 def _refuse_unknown_base(streams: Sequence[RecordedStream], tree: extrinsics.Tree, config: LogConfig) -> None:
-    """Raises ConfigError: the config names a base frame that neither a transform nor an odometry of the log knows."""
+    """Raises ConfigError: the config names a base frame that no transform and no odometry of the log has."""
     of_robots = {stream.child_frame for stream in streams} - {""}
     known = of_robots | tree.keys() | {parent for parent, _ in tree.values()}
     if config.base_frame is None or config.base_frame in known or not of_robots or config.extrinsics:
