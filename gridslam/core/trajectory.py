@@ -58,7 +58,7 @@ class Trajectory:
 def time_windows(
     stamps_ns: NDArray[np.int64], window_s: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First and last indices `(m,)` of windows of about `window_s` without gaps, one for each of the stamps `(n,)` that has one."""
+    """First and last indices `(m,)` of windows of about `window_s` without gaps, which start at different stamps of `(n,)`."""
     times_s = (stamps_ns - stamps_ns[:1]) * 1e-9
     ends = np.searchsorted(times_s, times_s + window_s)
     starts = np.flatnonzero(ends < len(times_s))
