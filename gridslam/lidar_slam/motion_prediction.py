@@ -1,4 +1,4 @@
-"""Predicts the motion between scans: by odometry where there is any, otherwise at constant velocity and by a gyro."""
+"""Predicts the motion between scans: by odometry or, without it, at constant velocity and by a gyro."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ GYRO_FLOOR_RAD, GYRO_STD_PER_RAD = 0.01, 0.05
 # A match with fewer inliers may be wrong: the robot counts as lost, and the search widens
 MIN_INLIER_RATIO = 0.4
 MIN_TWIST_S = 0.02  # no velocity is derived from scans closer in time, as those of two lidars are
-FIRM_STD_M = 0.012  # a match that is as certain in all directions shows how the velocity changes; along a corridor none does
+FIRM_STD_M = 0.012  # standard deviation up to which a match shows how the velocity changes; no match along a corridor does
 KEPT_SCANS = 16
 MAX_LOST_S = 5.0  # after this time without a match the surroundings are new
-# By which constant velocity may be better than a gyro: on straight drives it is as good
+# Rotation (rad) by which the errors of a gyro may exceed those at constant velocity, which is as good on straight drives
 GYRO_TOLERANCE_RAD = 0.005
 # Root mean square changes of motion from scan to scan beyond which a path without odometry is doubted: those of recorded logs
 # whose paths were right are below 0.05 rad and 0.03 m.
@@ -56,7 +56,7 @@ class PredictedMotion:
 
 
 class MotionPredictor:
-    """Predicts every scan's pose from what the log has; learns the velocity, and each source's errors, from matched scans."""
+    """Predicts the pose of every scan by the sources in the log; learns velocity and errors of the sources from matched scans."""
 
     def __init__(self) -> None:
         self._gyro = GyroHeading()
@@ -73,16 +73,16 @@ class MotionPredictor:
         self._twist = np.zeros(3)
         self._twist_before = np.zeros(3)
         self._twist_ns = 0  # stamp of the scan whose matching gave the twist
-        self._was_firm = False  # the last match
+        self._was_firm = False  # whether the last match was
         self._good_ns: int | None = None  # stamp of the last good match
-        self._steps: dict[MotionSource, Floats] = {}  # of the last prediction
+        self._steps: dict[MotionSource, Floats] = {}  # steps by each source in the last prediction
 
     def add_imu(self, imu: Imu, is_flipped: bool) -> None:
         """Add a yaw rate."""
         self._gyro.add(imu, is_flipped)
 
     def twist(self, placed: PlacedScan) -> Floats:
-        """Velocity (vx, vy, wz) `(3,)` at a scan that comes next, as well as it is known before matching."""
+        """Velocity (vx, vy, wz) `(3,)` at the next scan, as predicted before it is matched."""
         previous = self._previous
         if previous is None or (previous.has_odometry and self.uses_odometry(placed)):
             return twist_between(self._earlier(placed)[0], placed)
@@ -93,7 +93,7 @@ class MotionPredictor:
             return np.zeros(3)
         source, step = self._step_without_odometry(placed.scan.stamp_ns, elapsed_s)
         if not step.any():
-            return np.zeros(3)  # the last velocity is of too long ago
+            return np.zeros(3)  # the last velocity is too old
         # The mean of two: an error of one matched step distorts the next scan, and would come back with the other sign.
         twist = 0.5 * (self._twist + self._twist_before)
         return np.array([twist[0], twist[1], step[2] / elapsed_s]) if source is MotionSource.GYRO else twist

@@ -1,4 +1,4 @@
-"""Whether odometry agrees with the scans from one half second to the next: dead wheels, turned axes and lifted robots do not."""
+"""Checks whether odometry agrees with the scans in windows of half a second; with dead wheels or a lifted robot it does not."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ MAX_ERROR, MAX_ERROR_AGAIN = 0.5, 0.25
 
 
 class OdometryTrust:
-    """Compares odometry with matched scans, where matching is certain in all directions: along a corridor it is not."""
+    """Compares odometry with matched scans, but only where matching is certain in all directions, unlike in a corridor."""
 
     def __init__(self) -> None:
         self.is_trusted = True
-        self.left_aside = 0  # scans
+        self.left_aside = 0  # number of scans
         self._start: tuple[int, Floats, Floats] | None = None  # stamp, odometry and matched pose
         self._windows: deque[tuple[float, float]] = deque(maxlen=KEPT_WINDOWS)  # difference, motion (m)
 

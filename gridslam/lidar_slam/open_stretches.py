@@ -42,7 +42,7 @@ class OpenStretches:
         self._speed_mps = 0.0  # by the last certain matches
 
     def add(self, travel_m: float, elapsed_s: float, match: ScanMatch, has_odometry: bool) -> None:
-        """Take in the travel to a scan and its duration, its match, and whether there was odometry.
+        """Add the travel to a scan and its duration, its match, and whether there was odometry.
 
         Without odometry matching may slide on the spot: the robot is assumed to have kept its speed, or to creep.
         """

@@ -104,9 +104,9 @@ class PackedScans(Sequence[PreparedScan]):
 
 
 def _rows_of_points(scan: PreparedScan) -> NDArray[np.uint16] | None:
-    """The rows of a scan's surface that are its points, with their normals; None if they are not all rows of it.
+    """The rows of a scan's surface that are its points, with their normals; None if a point is not in the surface.
 
-    They are in every scan that was prepared from one reading of a lidar: its gaps are filled between them.
+    In scans prepared from one sweep all points are: the surface is the points with the gaps between them filled.
     """
     if len(scan.surface) > np.iinfo(np.uint16).max:
         return None

@@ -18,9 +18,8 @@ from gridslam.methods.base import Doubt, Picture, RunResult
 DOUBTFUL_INK, SUSPECT_INK = (205, 45, 45), (235, 130, 20)
 SMALLEST_RADIUS_M = 1.0
 CORNERS = 32
-MIN_REVISITED = (
-    0.5  # fraction of the path with a second passage, from which doubts about the motion are dropped
-)
+# Fraction of the path with a second passage from which doubts about the motion are dropped
+MIN_REVISITED = 0.5
 LABELS_APART_M = 8.0  # places nearer than this to a more doubtful one get a circle without a number
 
 

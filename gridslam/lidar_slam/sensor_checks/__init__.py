@@ -1,1 +1,1 @@
-"""The first scans of a log against its odometry, gyro and extrinsics: what contradicts is corrected, and said."""
+"""Checks of the first scans of a log against odometry, gyro and extrinsics. Contradictions are corrected and reported."""

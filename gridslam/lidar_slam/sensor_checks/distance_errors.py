@@ -1,4 +1,4 @@
-"""Finds odometry whose distances are wrong in scale, by the distances of scan matching over the same windows."""
+"""Finds odometry with a wrong scale of distances, by comparison with scan matching over the same windows."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def wrong_scale(ratios: Floats, weights: Floats) -> float:
 
 
 def small_error(ratios: Floats, weights: Floats) -> float:
-    """The ratio of distances where it differs from 1 by a little, but certainly, by the same ratios and weights; else 1."""
+    """The ratio of distances, by the same ratios and weights, if it certainly differs from 1 by a little; else 1."""
     middle = _certain_ratio(ratios, weights)
     if max(middle, 1.0 / middle) < MIN_NAMED_RATIO:
         return 1.0
@@ -39,7 +39,7 @@ def small_error(ratios: Floats, weights: Floats) -> float:
 
 
 def _certain_ratio(ratios: Floats, weights: Floats) -> float:
-    """The median ratio; 1 where there are few, or where they vary."""
+    """The median ratio; 1 if there are few ratios, or if they vary."""
     if len(ratios) < MIN_WINDOWS:
         return 1.0
     low, middle, high = _weighted_quartiles(ratios, weights).tolist()

@@ -1,4 +1,4 @@
-"""Finds where a lidar that is tilted, against its extrinsics, meets the floor: a straight line that moves with the robot."""
+"""Finds lidars that are tilted, against their extrinsics, by the straight line on the floor that moves with the robot."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class FloorLine:
     bearing_rad: float
 
     def removed_from(self, scan: LaserScan) -> LaserScan:
-        """The scan with readings near the line and beyond it as NaN; a scan with other beams is left as it is."""
+        """The scan with NaN for readings near the line and beyond it; a scan with other beams unchanged."""
         beams, order = beams_of(scan)
         if beams != self.beams:
             return scan
@@ -50,7 +50,7 @@ class FloorLine:
         return replace(scan, ranges_m=readonly(np.where(is_floor, np.nan, scan.ranges_m), np.float32))
 
     def applied_to_transform(self, transform: Transform) -> Transform:
-        """The lidar's extrinsics with the tilt that its height gives, if they have one; other transforms as they are."""
+        """The lidar's extrinsics with the tilt that follows from their height, if they have one; other transforms unchanged."""
         sine = transform.translation_m[2] / self.distance_m
         if transform.child_frame_id != self.beams.frame_id or not MIN_SINE < sine < MAX_SINE:
             return transform
@@ -75,7 +75,7 @@ class FloorLine:
 def find_floor_lines(scans: Sequence[LaserScan], path: Callable[[], Trajectory]) -> list[FloorLine]:
     """The lines on which the lidars meet the floor, given scans of a robot that drives and turns; mostly none.
 
-    `path` gives the robot's path over the scans, and is asked only if there may be such a line.
+    `path` returns the robot's path over the scans; it is called only if there may be such a line.
     """
     found = []
     for beams, views in different_views_of(scans).items():
@@ -99,7 +99,7 @@ def _turning_scans(scans: Sequence[LaserScan], path: Trajectory) -> list[LaserSc
 
 
 def _is_met_in(line: FloorLine, turning: Sequence[LaserScan]) -> bool:
-    """Whether hardly a reading of scans of a turning robot goes beyond a line: beyond a wall that it drives along they do."""
+    """Whether hardly any reading is beyond the line while the robot turns. Beyond a wall along the path, many readings are."""
     expected = line_ranges(_bearings(line.beams), line.distance_m, line.bearing_rad)
     is_inside = expected * math.cos(MIN_HALF_ANGLE_RAD) < line.distance_m
     farther = []

@@ -74,7 +74,7 @@ class GyroCorrection:
         return f"the IMU {self.frame_id} contradicts the scans: {', '.join(found)}; used corrected"
 
     def applied_to(self, imu: Imu) -> Imu:
-        """A reading of the IMU with the yaw rate about the robot's z axis; those of other IMUs as they are."""
+        """A reading of the IMU with the yaw rate about the robot's z axis; readings of other IMUs unchanged."""
         if imu.frame_id != self.frame_id:
             return imu
         x, y, z = self.factors
@@ -111,7 +111,7 @@ def find_gyro_correction(events: Sequence[Event], track: Trajectory) -> GyroCorr
 
 
 def points_down(events: Sequence[Event]) -> bool:
-    """Whether the accelerations of the only IMU point the other way than its extrinsics say: then so do its turn rates."""
+    """Whether the only IMU hangs upside down by its accelerations, against its extrinsics; its turn rates are then reversed."""
     imus = [e for e in events if isinstance(e, Imu)]
     forces = np.array([imu.accel_mps2 for imu in imus if imu.accel_mps2 is not None])
     return len(forces) > 0 and float(np.nanmedian(forces @ _upward(events, imus[0].frame_id))) < 0.0
@@ -189,7 +189,7 @@ def _best_axis(rotations: Floats, matched: Floats) -> tuple[float, Floats]:
 
 
 def _upward(events: Sequence[Event], frame_id: str) -> Floats:
-    """The unit vector upward `(3,)` in an IMU's frame by its extrinsics; its z axis without any."""
+    """The unit vector upward `(3,)` in an IMU's frame by its extrinsics; the z axis if it has none."""
     for event in events:
         if isinstance(event, Transform) and event.is_static and event.child_frame_id == frame_id:
             return np.asarray(rotation_matrix(event.quat_wxyz)[2])

@@ -37,7 +37,7 @@ class HeadingErrors:
 
     @property
     def faults(self) -> list[str]:
-        """The faults in words; empty where there are none."""
+        """The faults in words; empty if there are none."""
         found = []
         if self.scale != 1.0:
             found.append(f"its rotations are {1.0 / self.scale:.2f} of the true ones (wrong wheel base?)")

@@ -13,9 +13,8 @@ from gridslam.core.messages import Event, LaserScan, Odometry, Transform
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
 
-STEP_S = (
-    0.4  # duration of the motions that are compared; shorter than the sway of a robot, which takes seconds
-)
+# Duration of the motions that are compared; shorter than the sway of a robot, which takes seconds
+STEP_S = 0.4
 MIN_STEPS = 40
 
 

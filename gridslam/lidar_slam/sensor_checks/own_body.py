@@ -49,7 +49,7 @@ class OwnBody:
     limits_m: Floats
 
     def removed_from(self, scan: LaserScan) -> LaserScan:
-        """The scan with readings of the body as NaN; a scan with other beams is left as it is."""
+        """The scan with NaN for readings of the body; a scan with other beams unchanged."""
         beams, order = beams_of(scan)
         if beams != self.beams:
             return scan
@@ -85,7 +85,7 @@ def find_own_bodies(scans: Iterable[LaserScan]) -> list[OwnBody]:
 
 
 def different_views_of(scans: Iterable[LaserScan]) -> dict[BeamLayout, Floats]:
-    """Ranges (m) `(views, n)` by beam of the scans of each lidar that differ from the one chosen before; 0 is no return."""
+    """Ranges (m) `(views, n)` by beam of the scans of each lidar that differ from the last one chosen; 0: no return."""
     by_beams: dict[BeamLayout, list[NDArray[np.float32]]] = defaultdict(list)
     for scan in scans:
         if not len(scan.ranges_m):
@@ -144,14 +144,14 @@ def _views_of_rotation(
 
 
 def beams_of(scan: LaserScan) -> tuple[BeamLayout, NDArray[np.int64]]:
-    """The beams of a scan, and the place `(n,)` of each of its readings among them."""
+    """The beams of a scan, and the index `(n,)` of each of its readings among them."""
     frame, count = scan.frame_id.partition("@")[0], len(scan.ranges_m)
     return _layout(frame, count, scan.angle_min_rad, scan.angle_increment_rad)
 
 
 @lru_cache(maxsize=64)  # most scans of a log have the same beams
 def _layout(frame: str, count: int, first_rad: float, step: float) -> tuple[BeamLayout, NDArray[np.int64]]:
-    """The beams, and the place of each reading among them: a scan of the whole circle may begin at any bearing."""
+    """The beams, and the index of each reading among them: a scan of the whole circle may begin at any bearing."""
     places = np.arange(count)
     if abs(abs(step) * count - 2.0 * np.pi) < 0.5 * abs(step):
         circle_step = 2.0 * np.pi / count
@@ -178,7 +178,7 @@ def _body_limits(views: Floats) -> Floats:
 
 
 def _different_views(ranges: Floats) -> Floats:
-    """Those of the scans `(scans, n)` in which most ranges have changed since the one chosen before; 0 is no return."""
+    """The scans among `(scans, n)` in which most ranges have changed since the last one chosen; 0: no return."""
     chosen = [0]
     for i in range(1, len(ranges)):
         if _differ(ranges[i], ranges[chosen[-1]]):
@@ -187,7 +187,7 @@ def _different_views(ranges: Floats) -> Floats:
 
 
 def _differ(ranges: NDArray[np.floating[Any]], others: NDArray[np.floating[Any]]) -> bool:
-    """Whether most ranges `(n,)` of two scans differ; 0 is no return."""
+    """Whether most ranges `(n,)` of two scans differ; 0: no return."""
     changed = np.count_nonzero(np.abs(ranges - others) > CHANGED_M)
     return int(changed) > MIN_CHANGED_FRACTION * len(ranges)
 

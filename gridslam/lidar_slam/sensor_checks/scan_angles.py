@@ -1,4 +1,4 @@
-"""Finds lidars whose messages state wrong angles: by the odometry's turns their beams are more or less far apart."""
+"""Finds lidars whose messages state a wrong angle between beams, by comparison with turns of the odometry."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MIN_GAIN = 0.05  # smallest gain of the inlier ratio with the other step
 
 @dataclass(frozen=True, slots=True)
 class ScanAngles:
-    """The angle between the beams of one lidar, and what its messages say of it (rad)."""
+    """The angle between the beams of one lidar (rad), as found and as its messages state it."""
 
     lidar: str
     stated_rad: float
@@ -43,7 +43,7 @@ class ScanAngles:
         )
 
     def applied_to(self, scan: LaserScan) -> LaserScan:
-        """A scan of the lidar with the angles found; other scans as they are."""
+        """A scan of the lidar with the angles found; other scans unchanged."""
         if lidar_of(scan) != self.lidar or scan.angle_increment_rad != self.stated_rad:
             return scan
         return replace(scan, angle_increment_rad=as_float32(self.step_rad))
@@ -92,7 +92,7 @@ def _other_steps(beams: int, stated_rad: float) -> list[float]:
 
 
 def _scans_in_rotation(scans: Sequence[LaserScan], yaws: Floats) -> Sequence[LaserScan]:
-    """The COMPARED_SCANS scans one after the other between which the robot turns most."""
+    """The COMPARED_SCANS consecutive scans between which the robot turns most."""
     turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(np.unwrap(yaws))))])
     last = max(len(scans) - COMPARED_SCANS, 0)
     start = max(range(last + 1), key=lambda k: turned[min(k + COMPARED_SCANS, len(scans)) - 1] - turned[k])

@@ -1,4 +1,4 @@
-"""Leaves out stale scans: a driver or a relay gives the last one again, bit for bit, while the robot drives on."""
+"""Removes stale scans: copies of the last scan that a driver or a relay sends while the robot drives on."""
 
 from __future__ import annotations
 
@@ -62,9 +62,9 @@ class _Run:
 
 
 class StaleScans:
-    """Passes on the events of a log without stale scans; what comes after a repeat waits until it is known whether it is stale.
+    """Passes on the events of a log without stale scans. Events after a repeat wait until it is known whether it is stale.
 
-    A lidar without noise on a robot that stands repeats its scans rightly: those stay.
+    A noiseless lidar on a standing robot repeats its scans as well; those repeats are kept.
     """
 
     def __init__(self) -> None:
@@ -79,7 +79,7 @@ class StaleScans:
         self._last_repeats: dict[str, list[int]] = {}
 
     def process(self, event: Event) -> Iterator[Event]:
-        """Process an event; yields those about which nothing is unknown any more."""
+        """Process an event; yields the events that are known not to be stale."""
         held = _Held(event)
         if isinstance(event, Odometry) and event.is_finite:
             self._odometry.append(event)
@@ -127,7 +127,7 @@ class StaleScans:
         return (stamp_ns - (self._first_ns or 0)) * 1e-9
 
     def _add(self, held: _Held, scan: LaserScan) -> None:
-        """Add a scan: a repeat of its lidar's last one, or the first of a new run, which may decide on the run before."""
+        """Add a scan: a repeat of its lidar's last one, or the first of a new run, which may decide on the previous run."""
         if self._first_ns is None:
             self._first_ns = scan.stamp_ns
         lidar = lidar_of(scan)

@@ -1,4 +1,4 @@
-"""Duration and direction of a lidar's sweep, for drivers that leave the times out or reverse the beams.
+"""Finds duration and direction of a lidar's sweep, for drivers that do not state them or state them wrongly.
 
 While the robot turns, scans match best when its motion is undone with the true times of their beams.
 """
@@ -36,7 +36,7 @@ MAX_END_FRACTION, MIN_END_TOLERANCE_S = 0.2, 0.015
 
 @dataclass(frozen=True, slots=True)
 class SweepTime:
-    """Time (s) from the first to the last beam of a scan; negative where the last beam is taken first."""
+    """Time (s) from the first to the last beam of a scan; negative if the last beam is measured first."""
 
     sweep_s: float
     stated_s: float
@@ -57,7 +57,7 @@ class SweepTime:
 
 
 def stated_sweep_s(scans: Sequence[LaserScan]) -> float:
-    """The time (s) from the first to the last beam by the scans' messages; 0 where they say nothing."""
+    """The time (s) from the first to the last beam by the scans' messages; 0 if they do not state it."""
     return float(np.median([s.time_increment_s * (len(s.ranges_m) - 1) for s in scans]))
 
 
