@@ -1,1 +1,1 @@
-"""Messages that contradict themselves: found, repaired where that is certain, and named."""
+"""Checks for messages that contradict themselves. Contradictions are reported, and repaired if the remedy is certain."""

@@ -1,4 +1,4 @@
-"""The unit of the depth images of a stream: metres, or a thousandth or a thousandfold of what the encoding promises."""
+"""The unit of the depth images of a stream: that of the encoding, or wrong by a factor of a thousand."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ THOUSAND = 1000.0
 
 
 class DepthUnits:
-    """Scales the depths of one stream, by its first image with enough of them, where their unit is off by a thousand.
+    """Scales the depths of one stream if their unit is wrong by a thousand, as its first image with enough depths shows.
 
     Depths are metres in 32FC1 and millimetres in 16UC1; some drivers write millimetres as floats, or metres as integers.
     """
@@ -28,7 +28,7 @@ class DepthUnits:
         self._factor: float | None = None
 
     def repaired(self, depth: DepthImage) -> DepthImage:
-        """The image in metres; the same object where it is already."""
+        """The image in metres; the same object if it already is."""
         if self._factor is None:
             self._factor = self._measured(depth)
         if self._factor in (None, 1.0):

@@ -1,7 +1,7 @@
-"""The number that a driver writes for "no return", by its coming again as the largest reading of many scans.
+"""Finds the number that a driver writes for "no return": the largest reading of many scans, always the same.
 
-The farthest thing in view is a corner or an edge, met by a single beam, and another one from each place. A number that many beams
-read exactly, far beyond all others, and in scan after scan, is none of them.
+The farthest real reading of a scan is of a corner or an edge, on a single beam, and differs from place to place. A number that
+many beams have exactly, far beyond all other readings, in scan after scan, is a code.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class NoReturnCodes:
 
     def __init__(self, scans: Iterable[LaserScan] = ()) -> None:
         self.known: float | None = None
-        # Of scans that differ the code that they show, 0 for none.
+        # The codes that scans show, 0 for none; of scans that differ only.
         self._seen: deque[float] = deque(maxlen=KEPT_SCANS)
         self._last: NDArray[np.float32] | None = None  # readings of the last of these
         for scan in scans:

@@ -1,4 +1,4 @@
-"""Scans whose angles are degrees, or whose readings are millimetres or centimetres: found, and turned into radians and metres."""
+"""Converts scans whose angles are in degrees, or whose readings are in millimetres or centimetres, to radians and metres."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gridslam.logs.message_counts import MessageCounts
 
 MAX_SWEEP_RAD = 2.0 * math.pi * 1.05  # largest angle of a sweep: a circle and 5 %
 MIN_SWEEP_RAD = 0.1  # a lidar that says degrees sees more than this
-MAX_RANGE_M = 1000.0  # no planar lidar sees as far
+MAX_RANGE_M = 1000.0  # larger than the range of any planar lidar
 MAX_MEDIAN_M = 100.0  # largest median of readings: beyond it, and beyond any limit, they are not metres
 NEAR_M, FAR_M = 0.6, 100.0  # medians of readings in rooms and halls
 MIN_POINTS = 100  # smallest number of points of a cloud that shows its unit
@@ -78,7 +78,7 @@ class CloudUnits:
         self._per_metre: float | None = None
 
     def repaired(self, cloud: PointCloud) -> PointCloud:
-        """The cloud in metres; the same object where it is already."""
+        """The cloud in metres; the same object if it already is."""
         if self._per_metre is None:
             if len(cloud.points_m) < MIN_POINTS:
                 return cloud

@@ -44,7 +44,7 @@ OpenTable: TypeAlias = Callable[[CsvStream], tuple[Path, Iterable[tuple[int, byt
 
 
 class TableSource:
-    """Tables as streams. `open_table` gives the lines of one, `files` are those that are read, `layout` says what they hold."""
+    """Tables as streams. `open_table` returns the lines of a table, `files` are the files read, `layout` describes the tables."""
 
     compression = "none"
     order: Literal["recorded", "stamp"] = "recorded"
@@ -137,7 +137,7 @@ def open_csv_folder(folder: Path, config: LogConfig) -> TableSource:
 
 
 def open_table(path: Path, config: LogConfig) -> TableSource:
-    """A table of its own, whose columns the layout of the config names. Raises LogError: that names other files."""
+    """A single table, whose columns the layout of the config names. Raises LogError: the layout names other files."""
     layout = given_layout(config)
     files = [stream.file for stream in layout.streams] if layout else []
     if not any(path_inside(path.parent, name) == real_path(path) for name in files):

@@ -1,4 +1,4 @@
-"""One CSV file as a stream: rows to events by the layout's columns, units and constants."""
+"""One CSV file as a stream: converts rows to events by the columns, units and constants of the layout."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class CsvTable:
         self._read_header()
 
     def index(self) -> tuple[array[int], dict[str, None]]:
-        """Stamps of all events and the frames in use; rows that are none, as they have no numbers, are counted."""
+        """Stamps of all events and the frames in use; unreadable rows are counted."""
         stamps = array("q")
         frames: dict[str, None] = {}
         if not self._rows_have_frames():
@@ -202,7 +202,7 @@ class CsvTable:
             yield Row(self._columns, number, stamp, fields)
 
     def _groups(self) -> Iterator[list[Row]]:
-        """The rows of each event: those that the kind's table groups belong together, else each row is one."""
+        """The rows of each event: rows that the kind groups, else single rows."""
         if self._kind.groups is None:
             for row in self._rows():
                 yield [row]
@@ -241,7 +241,7 @@ def _split(line: bytes, delimiter: str) -> list[str] | None:
 
 
 def _end_of_ranges(names: Sequence[str], start: int, prefix: str) -> int:
-    """The place after the last of the columns r0, r1, ... that follow each other from `start` on."""
+    """The index behind the last of consecutive columns r0, r1, ... from `start` on."""
     end = start
     while end < len(names) and names[end] == f"{prefix}{end - start}":
         end += 1

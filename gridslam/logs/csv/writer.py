@@ -93,11 +93,11 @@ class CsvFolderWriter:
             self._append(kind, event, topic)
 
     def write_truth(self, pose: Odometry) -> None:
-        """Append the true pose, to truth.csv."""
+        """Append a true pose to truth.csv."""
         self.write(pose, TRUTH_TOPIC)
 
     def complete(self) -> None:
-        """Write what is left, so that only the name is missing; nothing may be appended from here on."""
+        """Write the rest of the log under its temporary name. Nothing may be appended afterwards."""
         for file in self._files.values():
             file.stream.close()
         layout: dict[str, object] = {"version": 1}
@@ -111,7 +111,7 @@ class CsvFolderWriter:
         (self._folder / LAYOUT_FILE).write_text(text, encoding="utf-8")
 
     def close(self) -> None:
-        """Complete the folder and give it its name."""
+        """Complete the folder, and give it its final name."""
         if self._closed:
             return
         self._closed = True

@@ -1,7 +1,7 @@
 """The vertical in the robot's frame over time, by an IMU whose orientation or accelerations can be trusted.
 
-An orientation is held against the IMU's own accelerations and turn rates, and its turn rate against the odometry's: this finds
-orientations that were never set, quaternions the wrong way round, z axes that point down (NED) and boards upside down.
+An orientation is compared with the IMU's own accelerations and turn rates, and the turn rate with that of the odometry. This
+finds orientations that were never set, inverted quaternions, z axes that point down (NED) and boards mounted upside down.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Verticals:
 
 
 class UntrustedImuError(Exception):
-    """The IMU does not know the vertical; the message says why."""
+    """The IMU does not give the vertical; the message says why."""
 
 
 def verticals_of(readings: ImuReadings, R_base_imu: Floats, odometry: OdometryReference | None) -> Verticals:
@@ -107,7 +107,7 @@ def _up_of(quats: Floats) -> Floats:
 
 
 def _check_angular_rates(readings: ImuReadings, up: Floats) -> None:
-    """Raises UntrustedImuError: the vertical `(n, 3)` changes otherwise than by the turn rates."""
+    """Raises UntrustedImuError: changes of the vertical `(n, 3)` contradict the turn rates."""
     rates = readings.rates
     if not rates[:, :2].any():
         return
@@ -146,7 +146,7 @@ def _specific_forces(forces: Floats) -> Floats | None:
 
 
 def _yaw_sense(readings: ImuReadings, R_base_imu: Floats, odometry: OdometryReference | None) -> int:
-    """1 where the IMU turns as the odometry does, -1 where it turns the other way, 0 where neither is certain."""
+    """1 if the IMU turns as the odometry does, -1 if it turns the other way, 0 if neither is certain."""
     if odometry is None or len(odometry.yaws) < 2:
         return 0
     times = readings.stamps_ns * 1e-9

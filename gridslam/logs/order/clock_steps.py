@@ -1,4 +1,4 @@
-"""Steps of the recorder's clock: places where several streams jump back by the same amount at the same time.
+"""Steps of the recorder's clock: where several streams jump back by the same amount at the same time.
 
 A clock that is set back, or a recording that was played in a loop, makes every stream jump back. The streams after the
 step belong together, and so do those before it. A jump back of one stream alone is disorder within that stream.
@@ -18,7 +18,7 @@ _MIN_OVERLAP = 0.5  # overlap of the spans that two streams jump back over, rela
 _MAX_STEPS = 1000  # largest number of steps of one stream; one with more is in disorder
 
 Stamps = NDArray[np.int64]
-Step = tuple[int, int, int]  # place of the first stamp after the step, that stamp, the stamp before
+Step = tuple[int, int, int]  # index of the first stamp after the step, that stamp, and the previous stamp
 
 
 def clock_epochs(streams: Sequence[Stamps]) -> list[Stamps]:

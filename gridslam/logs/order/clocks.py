@@ -1,7 +1,7 @@
-"""Clocks of a log's streams: stamps that are missing or come from another clock are replaced by times of arrival.
+"""Replaces stamps that were never set, or that come from another clock, by times of arrival.
 
-Stamps that are all zero were never set. Streams whose clocks differ by seconds cannot be joined; where the recorder noted
-the time of arrival of each message, that time shows by how much.
+Stamps that are all zero were never set. Streams whose clocks differ by seconds cannot be used together, but if the recorder
+stored the time of arrival of each message, these times show the difference.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ MAX_OFFSET_NS = 5 * NS_PER_S
 MAX_DRIFT = 0.05
 # A lidar is silent where it has no scans for so long, in seconds and relative to the drive, at its start or end
 MIN_SILENT_S, MIN_SILENT_FRACTION = 5.0, 0.1
-OUTER_STAMPS = 2  # at each end of a stream that may be outliers
+OUTER_STAMPS = 2  # number of stamps at each end of a stream that may be outliers
 MIN_OVERLAP, FULL_OVERLAP = 0.1, 0.5  # fraction of the scans that odometry covers: below, an error and a note
-TIMED_KINDS = ("scan", "cloud", "odom", "imu")  # whose stamps place the robot
+TIMED_KINDS = ("scan", "cloud", "odom", "imu")  # kinds whose stamps matter for the robot's pose
 MIN_STAMPS = 20  # fewer show no regularity
 MAX_EQUAL = 0.6  # fraction of stamps that are the one before: beyond it they are too coarse for times
 # The smallest other stamp beside which a zero was not set: simulated clocks begin at 0
@@ -48,7 +48,7 @@ Stamps = NDArray[np.int64]
 def restamp(
     streams: Sequence[RecordedStream], kind_of: Mapping[int, str], message_counts: MessageCounts
 ) -> frozenset[int]:
-    """Replace stamps that were never set, and those of another clock than the recorder's; the streams that have new ones.
+    """Replace stamps that were never set, and stamps of other clocks than the recorder's; returns the streams with new stamps.
 
     The stamps of the streams in `kind_of` are changed in place. Each replacement is noted. Raises LogError: stamps were never
     set, and nothing replaces them.
@@ -98,7 +98,7 @@ def _replace_unset(stream: RecordedStream, message_counts: MessageCounts) -> boo
 
 
 def _even_out(stream: RecordedStream, message_counts: MessageCounts) -> bool:
-    """Replace stamps of one stream that jitter by even ones, where its messages were made evenly; whether they were."""
+    """Replace jittering stamps of one stream by even ones, if its messages were measured evenly; returns whether it did."""
     if stream.kind not in TIMED_KINDS or len(stream.frames) > 1:
         return False
     found = evened(_stamps(stream))
@@ -202,7 +202,7 @@ def _main_span_s(stream: RecordedStream) -> tuple[float, float]:
 
 
 def _is_clock(arrivals_ns: array[int], count: int) -> bool:
-    """Whether times of arrival are there and go on."""
+    """Whether there are times of arrival, and they increase."""
     if len(arrivals_ns) != count or count < 2:
         return False
     steps = np.diff(np.asarray(arrivals_ns, np.int64))
@@ -212,7 +212,7 @@ def _is_clock(arrivals_ns: array[int], count: int) -> bool:
 def _clock_offset_ns(stream: RecordedStream) -> int | None:
     """Nanoseconds by which the recorder's clock is ahead of the stamps; None if the offset is not constant.
 
-    Messages arrive late by varying times, never early: the smallest difference is the clocks'.
+    Messages arrive with varying delays, never early, so the smallest difference is the offset of the clocks.
     """
     if not _is_clock(stream.arrivals_ns, len(stream.stamps_ns)):
         return None

@@ -1,4 +1,4 @@
-"""Stamps of messages that were made evenly, but stamped when they arrived: the line through them is nearer to the truth."""
+"""Evens out stamps of messages that were measured evenly, but stamped on arrival: a line through them is closer to the truth."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 Stamps = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
-MIN_STAMPS = 400  # fewer do not show that messages were made evenly
-PART = 100  # stamps of a part, through which a line of its own is laid
+MIN_STAMPS = 400  # smallest number of stamps that shows whether messages were measured evenly
+PART = 100  # number of stamps of a part, to which a separate line is fitted
 # Smallest mean difference of the steps from the median step, relative to it, that is jitter
 MIN_UNEVENNESS = 0.25
 # Largest ratio of the deviations from one line to those from the lines of the parts: it grows where messages are missing, or were

@@ -1,4 +1,4 @@
-"""Messages that a log holds twice, because its playback ran in a loop or two recordings were joined: the second is left out."""
+"""Skips the second of messages that are in a log twice, because a playback in a loop was recorded or recordings were joined."""
 
 from __future__ import annotations
 
@@ -89,6 +89,6 @@ def without_repeats(
 
 
 def _content(event: Event) -> int:
-    """A number for all that a message says, its stamp included."""
+    """A hash of the content of a message, including its stamp."""
     values = (getattr(event, field.name) for field in fields(event))
     return hash(tuple(value.tobytes() if isinstance(value, np.ndarray) else repr(value) for value in values))

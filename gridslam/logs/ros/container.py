@@ -30,11 +30,11 @@ class Container(Protocol):
 
     @property
     def channels(self) -> Mapping[int, Channel]:
-        """Complete after `messages` has been gone through once."""
+        """Channels by id; complete after one pass of `messages`."""
 
     @property
     def schemas(self) -> Mapping[int, Schema]:
-        """Schemas by id; complete after `messages` has been gone through once."""
+        """Schemas by id; complete after one pass of `messages`."""
 
     @property
     def arrival_ns(self) -> int | None:

@@ -1,4 +1,4 @@
-"""Messages of one channel to events: by hand where the type is frequent and standard, else by its schema."""
+"""Decodes the messages of one channel: frequent standard types with hand-written decoders, others by their schema."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ _NO_SERVOS = Servos()
 class ChannelDecoder:
     """Decodes the messages of one channel; its methods raise DECODING_ERRORS for damaged ones.
 
-    `kind` is what the channel's messages serve as, `stream` the stream that they belong to. `unusable_reason` is the reason
-    why none of them can be decoded. `joint_names` are those of the first message, where it holds joints. `may_read` says
-    whether a definition may be read, which takes time.
+    `kind` is the kind of the channel's messages, `stream` the index of their stream. `unusable_reason` is the reason why none of
+    them can be decoded. `joint_names` are those of the first message, if it holds joints. `may_read` returns whether a definition
+    may be read, because that takes time.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class ChannelDecoder:
         return KINDS[self.kind].message is Transform
 
     def classify(self, data: bytes) -> None:
-        """Settle the kind by the first message, where the type leaves it open."""
+        """Determine the kind by the first message, if the type does not."""
         if self.unusable_reason:
             return
         if self.type == _JOINTS:
@@ -168,7 +168,7 @@ class ChannelDecoder:
         return wheels_of(self.joints(data), self._config.wheels)
 
     def _reading(self, data: bytes, servos: Servos) -> Event:
-        """A ranger's reading with the bearing that its servo has."""
+        """A ranger's reading, with the current bearing of its servo."""
         if self._is_standard and data[:2] == _LITTLE:
             return fast_cdr.reading(data, servos.bearing)
         return ranger.from_ros(self._decode(data), servos.bearing)
@@ -181,7 +181,7 @@ class ChannelDecoder:
 
 
 class _LazyDecoder:
-    """A general decoder, made when the first message comes that the hand-written one cannot read."""
+    """A general decoder, made for the first message that the hand-written one cannot read."""
 
     def __init__(self, schema: Schema, name: str) -> None:
         self._schema = schema

@@ -1,6 +1,6 @@
 """Message definitions from files, checked before the type library generates code from them.
 
-The library turns names of types and fields into Python source. Only names of a strict pattern reach it, constants never do.
+The library turns names of types and fields into Python source, so it only gets names with a strict pattern, and no constants.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def checked_types(types: Mapping[str, Any]) -> dict[str, Any]:
     """The types of a parsed definition without their constants, which messages do not hold.
 
     `types` are `{type name: (constants, [(field name, description)])}` as the type library parses them. Raises
-    BadDefinitionError: a name is not a ROS identifier, a field is there twice, or a size is beyond reason.
+    BadDefinitionError: a name is not a ROS identifier, two fields have the same name, or a size is unreasonable.
     """
     if len(types) > _MAX_TYPES:
         raise BadDefinitionError(f"{len(types)} types in one definition")
@@ -54,10 +54,10 @@ def is_valid(name: str, fields: Any) -> bool:
 
 
 def refuse_unbounded(types: Mapping[str, Any], name: str) -> None:
-    """Raise BadDefinitionError for a message type of which a few bytes may hold, or code must be generated for, any amount.
+    """Raise BadDefinitionError for a message type whose generated code, or whose objects for a few bytes, have no bound.
 
-    It holds itself, is nested too deep, has too many fields or fixed arrays of structures in all, or holds structures without
-    fields. `types` are those of `checked_types`; types that are missing there are not looked into.
+    Such a type contains itself, is nested too deep, has too many fields or fixed arrays of structures in all, or contains
+    structures without fields. `types` are those of `checked_types`; types that are missing there are not checked.
     """
     heights: dict[str, int] = {}
     _measure(types, name, heights)
@@ -68,7 +68,7 @@ def refuse_unbounded(types: Mapping[str, Any], name: str) -> None:
 
 
 def types_within(types: Mapping[str, Any], name: str) -> list[str]:
-    """Names of the types that messages of a type are made of, its own among them; those that are missing are left out."""
+    """Names of all types in messages of a type, including its own, but without types that are missing."""
     found, remaining = dict[str, None](), [name]
     while remaining:
         one = remaining.pop()
@@ -79,7 +79,7 @@ def types_within(types: Mapping[str, Any], name: str) -> list[str]:
 
 
 def holds_lists_of_texts(types: Mapping[str, Any], name: str) -> bool:
-    """Whether messages of a type hold sequences of texts, at any depth."""
+    """Whether messages of a type contain sequences of strings, at any depth."""
     return any(
         kind == SEQUENCE and value[0][0] == BASE and "string" in value[0][1][0]
         for found in types_within(types, name)

@@ -1,4 +1,4 @@
-"""From events to ROS 2 messages in CDR."""
+"""Encodes events as ROS 2 messages in CDR."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from gridslam.logs.kind_lookup import kind_of_event
 
 
 def encode(event: Event, topic: str | None = None) -> Iterable[Encoded]:
-    """The messages of an event on `topic`, or the usual topic of its kind.
+    """The messages of an event on `topic`, or on the default topic of its kind.
 
-    One message; two for a stereo pair, and for a ranger on a servo. Raises LogError: ROS cannot hold the stamp or a name.
+    A stereo pair and a reading of a ranger on a servo give two messages. Raises LogError: ROS cannot store the stamp or a name.
     """
     if not 0 <= event.stamp_ns < END_NS:
         raise LogError(

@@ -1,7 +1,6 @@
 """Hand-written decoders of frequent message types in CDR: four to twenty times as fast as a general decoder.
 
-Only for messages whose schema has the standard fields (`types.is_standard`). Little-endian; anything
-else goes the general way.
+They read little-endian messages whose schema has the standard fields (`types.is_standard`); others need the general decoder.
 """
 
 from __future__ import annotations

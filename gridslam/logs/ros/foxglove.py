@@ -21,7 +21,7 @@ _MAX_PARTS = 1_000_000  # largest number in one message; each may take a hundred
 
 
 def parse(data: bytes) -> Any:
-    """The JSON document as an object with fields. Raises ValueError: it is none, or has too many parts."""
+    """The JSON document as an object with fields. Raises ValueError: it is not JSON, or has too many parts."""
     if sum(map(data.count, _PART_STARTS)) > _MAX_PARTS:
         raise ValueError(f"more than {_MAX_PARTS} values in a message")
     message = json.loads(data, object_hook=_object)
@@ -73,7 +73,7 @@ def event(converter: FromFoxglove | None, message: Any, topic: str) -> Event:
 
 
 def _object(fields: dict[str, Any]) -> SimpleNamespace:
-    """The fields as attributes. Raises ValueError (UnicodeEncodeError): a string is not valid Unicode, as half a character."""
+    """The fields as attributes. Raises ValueError (UnicodeEncodeError): a string is not valid Unicode."""
     for value in fields.values():
         if isinstance(value, str) and not value.isascii():
             value.encode()

@@ -1,6 +1,7 @@
-"""Message definitions in IDL, read in one pass over their words: as much of the language as ROS definitions use.
+"""Reads message definitions in IDL: as much of the language as ROS definitions use.
 
-Constant expressions are never computed, and nothing is tried twice: the time is proportional to the length of the text.
+The words of the text are read once, without backtracking and without computing constant expressions, so that the time is
+proportional to the length of the text.
 Language: https://www.omg.org/spec/IDL/4.2; what ROS uses of it: https://design.ros2.org/articles/idl_interface_definition.html
 """
 
@@ -49,7 +50,7 @@ class _Words:
         return self.words[self.at] if self.at < len(self.words) else ""
 
     def take(self, *expected: str) -> str:
-        """The next word. Raises BadDefinitionError: it is none of those expected, or the text is over."""
+        """The next word. Raises BadDefinitionError: it is not one of those expected, or the text has ended."""
         word = self.next
         if not word or (expected and word not in expected):
             raise BadDefinitionError(f"{word!r} where {' or '.join(expected) or 'a word'} should be")
@@ -57,7 +58,7 @@ class _Words:
         return word
 
     def takes(self, word: str) -> bool:
-        """Whether the next word is this one, which is then taken."""
+        """Whether the next word is this one; if so, it is consumed."""
         found = self.next == word
         self.at += found
         return found
@@ -160,7 +161,7 @@ class _Reader:
         return _Type(self.words.scoped_name(), False)
 
     def _size(self, scope: tuple[str, ...]) -> int:
-        """A number, or a constant that is one."""
+        """The value of a number, or of a constant with a number."""
         if _INTEGER.fullmatch(self.words.next):
             return int(self.words.take())
         name = self.words.scoped_name()
@@ -180,7 +181,7 @@ class _Reader:
             self.constants["/".join((*scope, name))] = int(value[0])
 
     def _described(self, kind: _Type, scope: tuple[str, ...]) -> Description:
-        """A type as the type library has it, given the scope in which it is written."""
+        """A type in the form of the type library, given the scope in which it is written."""
         for _ in range(_MAX_DEPTH):
             place = "" if kind.is_base else self._known(kind.name, scope)
             if place not in self.typedefs:
@@ -197,7 +198,7 @@ class _Reader:
         return inner if kind.cardinality == BASE else (kind.cardinality, (inner, kind.size))
 
     def _known(self, name: str, scope: tuple[str, ...]) -> str:
-        """The full name that a name means in a scope; a name without a scope is of this one where nothing has it."""
+        """The full name that a name means in a scope; an unknown name without a scope is taken to be in this scope."""
         for place in _places(name, scope):
             if place in self.types or place in self.typedefs:
                 return place
@@ -218,7 +219,7 @@ class _Reader:
 
 
 def _places(name: str, scope: tuple[str, ...]) -> list[str]:
-    """The full names that a name may mean in a scope, the innermost first."""
+    """The full names that a name can mean in a scope, the innermost first."""
     if name.startswith("/"):
         return [name[1:]]
     return ["/".join((*scope[:n], name)) for n in range(len(scope), -1, -1)]
@@ -227,7 +228,7 @@ def _places(name: str, scope: tuple[str, ...]) -> list[str]:
 def types_of_idl(text: str) -> Types:
     """The structures in a text: `{type name: ([], [(field name, description)])}`, as the type library parses them.
 
-    Constants, enumerations and annotations are passed over. Raises BadDefinitionError.
+    Constants, enumerations and annotations are skipped. Raises BadDefinitionError.
     """
     words = [match[0] for match in _WORDS.finditer(text) if match["skip"] is None]
     reader = _Reader(_Words(words))

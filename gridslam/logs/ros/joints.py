@@ -41,17 +41,17 @@ class Servos:
         self._angles: dict[str, float] = {}
 
     def update_joints(self, joints: JointState) -> None:
-        """Take the angles of a message."""
+        """Enter the angles of a message."""
         self._angles.update(zip(joints.names, joints.positions, strict=False))
 
     def update_transform(self, transform: Transform) -> None:
-        """Take the yaw of a transform as the angle of its child frame."""
+        """Enter the yaw of a transform as the angle of its child frame."""
         self._angles[transform.child_frame_id] = yaw_of(transform.quat_wxyz)
 
     def bearing(self, frame: str) -> float:
-        """The present angle (rad) of a ranger; 0 for a fixed one.
+        """The current angle (rad) of a ranger; 0 for a fixed one.
 
-        Raises UnusableMessageError: no angle of its servo has come yet.
+        Raises UnusableMessageError: the angle of its servo is not known yet.
         """
         angle = self._angles.get(frame)
         if angle is not None:
@@ -62,7 +62,7 @@ class Servos:
 
 
 def wheel_places(names: Sequence[str], config: WheelsConfig) -> tuple[int, int] | None:
-    """Places of the left and right wheel among the joints; None if the joints are not wheels.
+    """Indices of the left and right wheel among the joints; None if the joints are not wheels.
 
     Without a name in the config, a side's wheel is the first joint whose name contains `wheel` and the side.
     """

@@ -1,4 +1,4 @@
-"""Messages in protobuf, decoded by the descriptors that a log carries as the schema of their channel.
+"""Decodes protobuf messages by the descriptors that a log has as the schema of their channel.
 
 Wire format: https://protobuf.dev/programming-guides/encoding; descriptors: google/protobuf/descriptor.proto. A message becomes an
 object with the same fields as Foxglove's JSON: bytes in base64, times and durations with `sec` and `nsec`.
@@ -105,7 +105,7 @@ class _Decoder:
 
     def __init__(self, types: dict[str, _Message]) -> None:
         self._types = types
-        self._left = 0  # values that the present message may still have
+        self._left = 0  # number of values that the current message may still have
 
     def message(self, data: bytes, name: str) -> SimpleNamespace:
         """A message as an object. Raises ValueError and the like: it is damaged, or has too many values."""
@@ -206,7 +206,7 @@ def _fields(data: bytes) -> Iterator[tuple[int, int, Any]]:
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
-    """An integer of up to ten bytes, and the place after it."""
+    """An integer of up to ten bytes, and the offset behind it."""
     value = 0
     for shift in range(0, 70, 7):
         if at >= len(data):

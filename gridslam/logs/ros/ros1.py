@@ -1,4 +1,4 @@
-"""Messages of ROS 1, converted to CDR and then decoded as those of ROS 2."""
+"""Converts ROS 1 messages to CDR, so that they can be decoded as ROS 2 messages."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def present_name(name: str) -> str:
 
 
 def is_used(name: str) -> bool:
-    """Whether messages of a type serve as anything."""
+    """Whether any kind of stream has messages of this type."""
     return kind_of_ros_type(present_name(name)) != "other"
 
 
@@ -59,7 +59,7 @@ class Ros1Types:
         self._bounded: dict[str, bool] = {}
 
     def schema_of(self, name: str) -> Schema:
-        """The schema of a type's messages in CDR: by its name where ROS 2 has it, else by the definition in the file."""
+        """The schema of a type's messages in CDR: that of ROS 2 if it has this type, else the definition in the file."""
         from rosbags.typesys import TypesysError
 
         present = present_name(name)
@@ -72,7 +72,7 @@ class Ros1Types:
         return Schema(present, "ros2msg", text.encode())
 
     def to_cdr(self, raw: bytes, name: str) -> bytes:
-        """The message in CDR; empty, which counts as undecodable, where it cannot be converted."""
+        """The message in CDR; empty, and so undecodable, if it cannot be converted."""
         from rosbags.serde import SerdeError
         from rosbags.typesys import TypesysError
 
@@ -93,7 +93,7 @@ class Ros1Types:
 
 
 def _types_in(name: str, text: str) -> dict[str, Any]:
-    """The types in a definition; `name` alone, without fields, where it cannot be parsed."""
+    """The types in a definition; only `name`, without fields, if it cannot be parsed."""
     from rosbags.typesys import TypesysError, get_types_from_msg
 
     if len(text) <= MAX_SCHEMA_BYTES:
@@ -103,9 +103,9 @@ def _types_in(name: str, text: str) -> dict[str, Any]:
 
 
 class Ros1Messages:
-    """A container whose channels of ROS 1 messages appear as channels of CDR; the others stay as they are.
+    """A container whose channels with ROS 1 messages appear as channels with CDR; other channels are unchanged.
 
-    Messages of types that nothing uses stay as they are too: nobody looks into them.
+    Messages of unused types are not converted, because they are not decoded.
     """
 
     def __init__(self, container: Container) -> None:

@@ -1,4 +1,4 @@
-"""Logs of ROS messages in any container: from raw messages to streams and events."""
+"""Streams and events of ROS messages in any container."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from gridslam.logs.streams import RecordedStream
 
 _MAX_FRAMES = 1000
 _MAX_EDGES = 10_000
-_SKIPPED, _TRANSFORMS = -1, -2  # in place of a message's stream
+_SKIPPED, _TRANSFORMS = -1, -2  # entries of the assignment for messages without a single stream
 
 
 class RosSource:
     """Streams of a container of ROS (or Foxglove JSON) messages.
 
     The index pass assigns every message of the container to a stream, or skips and counts it. The reading pass
-    follows this assignment message by message, so both passes agree on what is readable. `kept` lives as long as the source:
-    what the container reads may depend on it.
+    follows this assignment message by message, so that both passes agree. `kept` is an object on which the container depends,
+    and which must live as long as the source.
     """
 
     order: Literal["recorded", "stamp"] = "recorded"
@@ -67,12 +67,12 @@ class RosSource:
 
     @property
     def static_edges(self) -> list[Transform]:
-        """The last static transform to each frame; before it the first one, where that says something else."""
+        """The last static transform to each frame, and before it the first one if it differs."""
         return list(chain.from_iterable(self._static.values()))
 
     @property
     def message_count(self) -> int:
-        """Messages of the container, the skipped ones too."""
+        """Number of messages of the container, including skipped ones."""
         return len(self._assignment)
 
     def close(self) -> None:
@@ -114,13 +114,13 @@ class RosSource:
                 yield stream, transform
 
     def _servo_names(self) -> frozenset[str]:
-        """Names of joints and of moving frames: what may turn a ranger."""
+        """Names of joints and moving frames, which may be servos of rangers."""
         joints = (decoder.joint_names for decoder in self._decoders.values())
         frames = (child for _, _, child in self._tf_streams)
         return frozenset(chain(chain.from_iterable(joints), frames))
 
     def _note_unused_servos(self) -> None:
-        """Note rangers that nothing turns, where the log has servos that turn no ranger."""
+        """Note rangers without a servo, if the log has servos without a ranger."""
         rangers = dict.fromkeys(sorted({f for s in self.streams if s.kind == "range" for f in s.frames}))
         servos = sorted({n for d in self._decoders.values() if d.kind == "joints" for n in d.joint_names})
         fixed = [frame for frame in rangers if frame not in self._servos]
@@ -133,7 +133,7 @@ class RosSource:
             )
 
     def _index(self) -> None:
-        """First pass: stamps and frames of every stream, static transforms, and what cannot be read."""
+        """The index pass: enter stamps and frames of all streams and static transforms, and count unreadable messages."""
         numbers: dict[int, int] = {}
         for channel, data in self._container.messages():
             numbers[channel] = number = numbers.get(channel, 0) + 1
@@ -191,7 +191,7 @@ class RosSource:
         return _SKIPPED if is_static else _TRANSFORMS
 
     def _index_static(self, transform: Transform) -> None:
-        """Keep a static transform; of several to one child the first, and the last that says something else."""
+        """Keep a static transform: of several to one child the first, and the last that differs from it."""
         known = self._static.setdefault(transform.child_frame_id, [])
         if known and _says_the_same(known[0], transform):
             known[0] = transform
@@ -226,7 +226,7 @@ class RosSource:
             stream.constant = None
 
     def _note_arrival(self, stream: RecordedStream) -> None:
-        """Enter when the last message arrived."""
+        """Enter the time of arrival of the last message."""
         arrival = self._container.arrival_ns
         if arrival is not None and -(2**63) <= arrival < 2**63:
             stream.arrivals_ns.append(arrival)
@@ -263,7 +263,7 @@ class RosSource:
 
 
 def _says_the_same(a: Transform, b: Transform) -> bool:
-    """Whether two transforms to one child have the same parent, and poses that differ by no more than noise."""
+    """Whether two transforms to one child have the same parent, and poses that differ only by noise."""
     one, other = normalise(a.quat_wxyz), normalise(b.quat_wxyz)
     if a.frame_id != b.frame_id or one is None or other is None:
         return a.frame_id == b.frame_id and one is other

@@ -1,7 +1,7 @@
 """The type library's store of message types, with bounds on what one message may cost.
 
-A sequence of structures may say that it has as many of them as the message has bytes, and each becomes an object of a hundred
-bytes and more. The library does not count them.
+A sequence can state as many structures as the message has bytes, and each becomes an object of a hundred bytes or more. The
+library does not limit their number.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class BoundedTypestore(Typestore):
         self._with_texts: dict[str, bool] = {}
 
     def get_msgdef(self, typename: str) -> Msgdef[object]:
-        """The definition of a type; its functions that go through messages count the structures."""
+        """The definition of a type, whose functions for messages count the structures."""
         if typename not in self.cache:
             found = super().get_msgdef(typename)
             self.cache[typename] = replace(

@@ -15,7 +15,7 @@ from gridslam.logs.ros.idl import types_of_idl
 if TYPE_CHECKING:
     from gridslam.logs.ros.type_store import BoundedTypestore
 
-MAX_SCHEMA_BYTES = 1 << 16  # the longest of ROS 2 have 20 kB
+MAX_SCHEMA_BYTES = 1 << 16  # the longest schemas of ROS 2 have 20 kB
 # Of one log; there are some 20 types that anything uses, and each may have changed within a recording
 MAX_DEFINITIONS = 64
 
@@ -54,7 +54,7 @@ _APPENDED_FIELDS = {"sensor_msgs/msg/Range": "|float32 variance"}
 
 
 def full_name(name: str) -> str:
-    """`package/msg/Type` of any spelling of a type's name."""
+    """The name of a type as `package/msg/Type`, given any spelling of it."""
     parts = [p for p in name.replace("::", "/").split("/") if p]
     return f"{parts[0]}/msg/{parts[-1]}" if len(parts) >= 2 else name
 
@@ -93,7 +93,7 @@ def _fields(text: str) -> str:
 
 @lru_cache(maxsize=256)
 def decoder_of(schema: Schema | None, name: str) -> Callable[[bytes], Any]:
-    """The decoder of a type: from CDR bytes to a message object; it raises ValueError for bytes that are not such a message.
+    """The function that decodes a type from CDR bytes to an object. It raises ValueError for bytes that are not such a message.
 
     Raises ValueError: the schema cannot be understood, or has names that no ROS definition has.
     """

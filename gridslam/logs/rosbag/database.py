@@ -1,4 +1,4 @@
-"""A rosbag2 database: a .db3 file of SQLite, read without trusting what it holds."""
+"""A rosbag2 database: a .db3 file of SQLite, which is not trusted."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gridslam.logs.ros.types import MAX_SCHEMA_BYTES, full_name
 
 _TICK_INSTRUCTIONS = 100_000  # number of instructions of SQLite's machine between two checks for signals
 _MAX_TOPICS = 100_000
-_MAX_NAME = 10_000  # bytes of a topic, a type and an encoding
+_MAX_NAME = 10_000  # largest number of bytes of a topic, a type and an encoding together
 _MIN_MESSAGE_LIMIT = 10_000  # messages that any file may hold; a larger file one per byte
 _LOG_MAGIC = (b"\x37\x7f\x06\x82", b"\x37\x7f\x06\x83")
 _LOG_HEAD_BYTES, _FRAME_HEAD_BYTES = 32, 24

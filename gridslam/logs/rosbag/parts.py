@@ -1,7 +1,7 @@
 """Files of a folder without metadata.yaml that are the parts of one recording.
 
-A recorder splits NAME into NAME_0, NAME_1, ... and people number their drives in the same way. A part begins where the one before
-ends, within the time between two messages; a drive begins later, or at any time on another robot.
+A recorder splits NAME into NAME_0, NAME_1, ..., and users number their drives in the same way. A part begins when the previous
+one ends, within the time between two messages. A separate drive begins later, or at any time on another robot.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ class Ros1Bag:
             self.schemas[connection.id] = self._types.schema_of(connection.msgtype)
 
     def messages(self) -> Iterator[tuple[int, bytes]]:
-        """(connection, data in CDR) of every readable message; data of types that nothing uses stay as they are."""
+        """(connection, data in CDR) of every readable message; data of unused types are not converted."""
         from rosbags.rosbag1 import Reader, ReaderError
 
         read = 0
