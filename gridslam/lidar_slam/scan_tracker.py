@@ -110,6 +110,11 @@ class ScanTracker:
         self._empty_scans.refuse_all_empty(len(self.path))
 
     @property
+    def is_erratic(self) -> bool:
+        """Whether without odometry the motion changes so much from scan to scan that matching probably jumps."""
+        return self._predictor.doubt is not None
+
+    @property
     def motion_doubt(self) -> str | None:
         """The reason, in words, to distrust a path that no other passage confirms; None without one."""
         return self._predictor.doubt or self._gaps.doubt

@@ -17,6 +17,7 @@ from gridslam.lidar_slam.front_end import FrontEnd, ScanMatch
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
 from gridslam.lidar_slam.open_stretches import OpenStretches
 from gridslam.lidar_slam.scan_tracker import ScanTracker
+from gridslam.lidar_slam.sensor_checks.motion_windows import windows_of
 from gridslam.lidar_slam.sensor_checks.odometry_calibration import calibrate
 from gridslam.lidar_slam.sensor_checks.odometry_check import OdometryCheck
 from gridslam.simulation.driving.route import drive_route
@@ -114,6 +115,6 @@ def test_matching_that_slides_shows_nothing_about_the_scale_of_the_odometry() ->
     step = np.where(slides, 0.4, 1.0) * 0.1
     matched = np.column_stack([np.cumsum(step) - step[0], odometry[:, 1], odometry[:, 2]])
     track, by_odometry = Trajectory(stamps, matched), Trajectory(stamps, odometry)
-    assert calibrate(track, by_odometry).scale == pytest.approx(0.4, rel=0.1)
+    assert calibrate(windows_of(track, by_odometry)).scale == pytest.approx(0.4, rel=0.1)
     slid_ns = np.array([[stamps[slides][0], stamps[-1]]])
-    assert calibrate(track, by_odometry, slid_ns).scale == 1.0
+    assert calibrate(windows_of(track, by_odometry, slid_ns)).scale == 1.0

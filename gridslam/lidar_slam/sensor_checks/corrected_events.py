@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
 from gridslam.lidar_slam.sensor_checks.heading_errors import NO_ERRORS
-from gridslam.lidar_slam.sensor_checks.odometry_calibration import OdometryCorrection
+from gridslam.lidar_slam.sensor_checks.odometry_correction import OdometryCorrection
 from gridslam.lidar_slam.sensor_checks.own_body import LaterBodies
 from gridslam.lidar_slam.sensor_checks.sensor_faults import SensorFaults
 from gridslam.lidar_slam.sensor_checks.stamp_order import StampOrder

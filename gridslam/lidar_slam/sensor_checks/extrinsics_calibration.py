@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform
-from gridslam.lidar_slam.sensor_checks.odometry_calibration import MotionWindows, OdometryCorrection
+from gridslam.lidar_slam.sensor_checks.motion_windows import MotionWindows
+from gridslam.lidar_slam.sensor_checks.odometry_correction import OdometryCorrection
 
 Floats = NDArray[np.float64]
 

@@ -19,11 +19,8 @@ from gridslam.lidar_slam.sensor_checks.gyro_calibration import (
 )
 from gridslam.lidar_slam.sensor_checks.level_check import LevelledScans
 from gridslam.lidar_slam.sensor_checks.lidar_agreement import find_lidar_faults
-from gridslam.lidar_slam.sensor_checks.odometry_calibration import (
-    OdometryCorrection,
-    calibrate,
-    windows_of,
-)
+from gridslam.lidar_slam.sensor_checks.motion_windows import MotionWindows, windows_of
+from gridslam.lidar_slam.sensor_checks.odometry_calibration import calibrate
 from gridslam.lidar_slam.sensor_checks.own_body import find_own_bodies, later_bodies_among
 from gridslam.lidar_slam.sensor_checks.scan_angles import find_wrong_angles
 from gridslam.lidar_slam.sensor_checks.sensor_faults import SensorFaults
@@ -82,10 +79,9 @@ class FaultSearch:
         """Compare the path with the odometry; scans that are wrong themselves are repaired before."""
         self._find_wrong_angles(odometry)
         self._find_sense(odometry)
-        self.faults.odometry = self._calibrated(odometry)
+        self.faults.odometry = calibrate(self._windows(odometry))
         self._find_upside_down(odometry)
-        windows = windows_of(self._path(), odometry, self._tracker.path.open_ns())
-        self.faults.extrinsics = find_extrinsics(self._events, windows, self.faults.odometry)
+        self.faults.extrinsics = find_extrinsics(self._events, self._windows(odometry), self.faults.odometry)
 
     def _find_wrong_angles(self, odometry: Trajectory) -> None:
         """Find lidars whose messages state wrong angles."""
@@ -102,7 +98,7 @@ class FaultSearch:
         is_uncertain = any(isinstance(e, LaserScan) and e.has_uncertain_sense for e in self._events)
         if self.faults.scans.reverses_scans or not is_uncertain:
             return
-        if self._calibrated(odometry).mirrors_yaw:
+        if calibrate(self._windows(odometry)).mirrors_yaw:
             self.faults.scans.reverses_scans = True
             self._restart_path()
 
@@ -114,7 +110,7 @@ class FaultSearch:
         if self._has_one_lidar and gyro is not None and gyro.is_reversed:
             self.faults.scans.is_upside_down = True
             self._restart_path()
-            self.faults.odometry = self._calibrated(odometry)
+            self.faults.odometry = calibrate(self._windows(odometry))
         else:
             is_with_scans = is_gyro_with_scans(self._events, self._path())
             self.faults.odometry = replace(self.faults.odometry, is_imu_with_scans=is_with_scans)
@@ -139,7 +135,7 @@ class FaultSearch:
         faults, repairs = self.faults, self.faults.scans
         if repairs.sweep is not None and faults.odometry.lag_s:
             self._restart_path()  # the times of the beams have changed
-            again = self._calibrated(odometry)
+            again = calibrate(self._windows(odometry))
             faults.odometry = replace(again, is_imu_with_scans=faults.odometry.is_imu_with_scans)
         scans = [scan for e in self._events if isinstance(scan := repairs.applied_to(e), LaserScan)]
         sweep_s = stated_sweep_s(scans)
@@ -172,10 +168,10 @@ class FaultSearch:
     def _has_one_lidar(self) -> bool:
         return len({lidar_of(e) for e in self._events if isinstance(e, LaserScan)}) == 1
 
-    def _calibrated(self, odometry: Trajectory) -> OdometryCorrection:
-        """The faults of the odometry by the path."""
+    def _windows(self, odometry: Trajectory) -> MotionWindows | None:
+        """Motions of the path and of the odometry; None if matching alone jumps, as between scans a metre or a turn apart."""
         path = self._path()
-        return calibrate(path, odometry, self._tracker.path.open_ns())
+        return None if self._tracker.is_erratic else windows_of(path, odometry, self._tracker.path.open_ns())
 
     def _path(self) -> Trajectory:
         """The path over all scans so far, with the repairs so far."""

@@ -16,7 +16,8 @@ from gridslam.core.stamps import earlier_stamp
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
 from gridslam.lidar_slam.sensor_checks.extrinsics_calibration import moved_transform, solve_extrinsics
-from gridslam.lidar_slam.sensor_checks.odometry_calibration import calibrate, windows_of
+from gridslam.lidar_slam.sensor_checks.motion_windows import windows_of
+from gridslam.lidar_slam.sensor_checks.odometry_calibration import calibrate
 
 Floats = NDArray[np.float64]
 
@@ -100,7 +101,7 @@ def _disagreement(of: LidarPath, odometry: Trajectory) -> tuple[bool, bool, floa
     windows = windows_of(of.path, odometry, of.open_ns)
     if windows is None:
         return True, True, 0.0
-    found = calibrate(of.path, odometry, of.open_ns)
+    found = calibrate(windows)
     is_misplaced = not found.mirrors_yaw and solve_extrinsics(*windows.motions(found)) is not None
     return found.mirrors_yaw, is_misplaced, abs(found.lag_s)
 
@@ -112,7 +113,7 @@ def _compared(first: str, other: str, paths: Mapping[str, LidarPath]) -> LidarFa
     windows = windows_of(path.path, other_path, open_ns)
     if windows is None:
         return None
-    found = calibrate(path.path, other_path, open_ns)
+    found = calibrate(windows)
     by_other, by_first = windows.motions(found)
     moved = None if found.mirrors_yaw else solve_extrinsics(by_first, by_other)
     if not (found.lag_s or found.mirrors_yaw or moved is not None):

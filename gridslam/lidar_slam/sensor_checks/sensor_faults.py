@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from gridslam.lidar_slam.sensor_checks.extrinsics_calibration import ExtrinsicsCheck
 from gridslam.lidar_slam.sensor_checks.gyro_calibration import GyroCorrection
-from gridslam.lidar_slam.sensor_checks.odometry_calibration import OdometryCorrection
+from gridslam.lidar_slam.sensor_checks.odometry_correction import OdometryCorrection
 from gridslam.lidar_slam.sensor_checks.scan_repairs import ScanRepairs
 
 

@@ -12,6 +12,7 @@ from gridslam.core.messages import Odometry
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.sensor_checks.corrected_events import OdometryCorrector
 from gridslam.lidar_slam.sensor_checks.heading_errors import NO_ERRORS, HeadingErrors
+from gridslam.lidar_slam.sensor_checks.motion_windows import windows_of
 from gridslam.lidar_slam.sensor_checks.odometry_calibration import calibrate
 
 NS = 10**9
@@ -50,7 +51,7 @@ def test_errors_of_turns_are_named_and_undone(
 ) -> None:
     truth = winding()
     wrong = deformed(truth, rotation)
-    found = calibrate(truth, wrong)
+    found = calibrate(windows_of(truth, wrong))
     assert len(found.faults) == 1
     assert says in found.faults[0]
     corrector = OdometryCorrector(found)
@@ -67,13 +68,13 @@ def test_errors_of_turns_are_named_and_undone(
 def test_small_and_random_errors_are_no_fault(scale: float, seed: int) -> None:
     rng, truth = np.random.default_rng(seed), winding()
     noisy = deformed(truth, lambda step, s: scale * step[2] + 0.01 * step[0] + rng.normal(0.0, 0.01))
-    assert calibrate(truth, noisy).heading == NO_ERRORS
+    assert calibrate(windows_of(truth, noisy)).heading == NO_ERRORS
 
 
 def test_odometry_that_does_not_turn_shows_no_errors() -> None:
     truth = winding()
     straight = deformed(truth, lambda step, s: 0.0)
-    assert calibrate(truth, straight).heading == NO_ERRORS
+    assert calibrate(windows_of(truth, straight)).heading == NO_ERRORS
 
 
 def test_without_errors_a_path_is_left_unchanged() -> None:

@@ -13,7 +13,7 @@ from gridslam.core.messages import LaserScan, Transform
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.sensor_checks import lidar_agreement
 from gridslam.lidar_slam.sensor_checks.lidar_agreement import LidarFault, LidarPath, find_lidar_faults
-from gridslam.lidar_slam.sensor_checks.odometry_calibration import NO_STRETCHES
+from gridslam.lidar_slam.sensor_checks.motion_windows import NO_STRETCHES
 from tests.lidar_slam.sensor_checks.test_heading_errors import winding
 
 NS = 10**9

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,10 +16,14 @@ from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.sensor_checks import fault_search
+from gridslam.lidar_slam.sensor_checks.motion_windows import windows_of
 from gridslam.lidar_slam.sensor_checks.odometry_calibration import calibrate
 from gridslam.lidar_slam.sensor_checks.odometry_check import OdometryCheck
 from gridslam.lidar_slam.sensor_checks.scan_repairs import reversed_sense
 from gridslam.lidar_slam.sensor_checks.sweep_calibration import stamped_at_end
+from gridslam.simulation.driving.route import drive_route
+from gridslam.simulation.simulator import Simulator
+from gridslam.simulation.world_config import validate_world
 from tests.methods.slam_sd import hall
 
 NS = 10**9
@@ -50,7 +55,9 @@ def winding(seconds: float = 60.0, rate_hz: float = 20.0) -> Trajectory:
 def test_lag_scale_and_signs_are_found_together(lag_s: float, scale: float, signs: tuple[int, int]) -> None:
     truth = winding()
     stamps = truth.stamps_ns + round(lag_s * NS)
-    found = calibrate(truth, Trajectory(stamps, truth.poses * [scale, scale * signs[0], signs[1]]))
+    found = calibrate(
+        windows_of(truth, Trajectory(stamps, truth.poses * [scale, scale * signs[0], signs[1]]))
+    )
     assert found.lag_s == pytest.approx(lag_s, abs=0.011)
     assert found.scale == pytest.approx(1.0 / scale, rel=0.02)
     assert (found.mirrors_y, found.mirrors_yaw) == (signs[0] < 0, signs[1] < 0)
@@ -63,10 +70,10 @@ def test_a_lag_is_found_in_noise_once_there_is_motion_enough(seed: int) -> None:
     noise = np.cumsum(np.random.default_rng(seed).normal(0.0, 0.012, len(truth)))
     noisy = truth.poses + np.column_stack([np.zeros((len(truth), 2)), noise - 0.05 * truth.poses[:, 2]])
     late = Trajectory(truth.stamps_ns + round(0.15 * NS), noisy)
-    assert calibrate(truth, Trajectory(truth.stamps_ns, noisy)).lag_s == 0.0
-    assert calibrate(truth, late).lag_s == pytest.approx(0.15, abs=0.04)
+    assert calibrate(windows_of(truth, Trajectory(truth.stamps_ns, noisy))).lag_s == 0.0
+    assert calibrate(windows_of(truth, late)).lag_s == pytest.approx(0.15, abs=0.04)
     short = slice(0, 160)
-    found = calibrate(Trajectory(truth.stamps_ns[short], truth.poses[short]), late)
+    found = calibrate(windows_of(Trajectory(truth.stamps_ns[short], truth.poses[short]), late))
     assert found.lag_s or found.is_undecided
 
 
@@ -78,14 +85,14 @@ def test_a_lag_shorter_than_the_period_of_the_odometry_is_no_fault(
 ) -> None:
     path, odometry = winding(), winding(rate_hz=rate_hz)
     late = Trajectory(odometry.stamps_ns + round(lag_s * NS), odometry.poses)
-    assert calibrate(path, late).lag_s == pytest.approx(found_s, abs=0.03)
+    assert calibrate(windows_of(path, late)).lag_s == pytest.approx(found_s, abs=0.03)
 
 
 def test_a_robot_that_stands_shows_no_fault() -> None:
     stamps = np.arange(100, dtype=np.int64) * NS // 10
     still = Trajectory(stamps, np.zeros((100, 3)))
-    assert not calibrate(still, still).faults
-    assert not calibrate(Trajectory.empty(), still).faults
+    assert not calibrate(windows_of(still, still)).faults
+    assert not calibrate(windows_of(Trajectory.empty(), still)).faults
 
 
 def test_good_odometry_is_given_on_unchanged_and_in_order() -> None:
@@ -135,10 +142,12 @@ def test_a_map_that_may_be_mirrored_is_doubted_unless_an_imu_decides(
 def test_distances_that_differ_a_little_are_named_and_left_as_they_are() -> None:
     truth = winding()
     for ratio in (0.95, 1.05):
-        found = calibrate(truth, Trajectory(truth.stamps_ns, truth.poses / [ratio, ratio, 1.0]))
+        found = calibrate(windows_of(truth, Trajectory(truth.stamps_ns, truth.poses / [ratio, ratio, 1.0])))
         assert not found.faults
         assert f"are {1.0 / ratio:.3g} of those by the lidar" in found.notes[0]
-    assert not calibrate(truth, Trajectory(truth.stamps_ns, truth.poses * [1.02, 1.02, 1.0])).notes
+    assert not calibrate(
+        windows_of(truth, Trajectory(truth.stamps_ns, truth.poses * [1.02, 1.02, 1.0]))
+    ).notes
 
 
 def test_odometry_whose_stamps_are_early_is_given_on_no_sooner_than_the_scans_need_it() -> None:
@@ -207,3 +216,26 @@ def test_odometry_decides_on_the_sense_of_scans_that_contradict_themselves() -> 
     for found, expected in zip(scans, right, strict=True):
         assert found.angle_min_rad == pytest.approx(expected.angle_min_rad, abs=1e-5)
         assert found.angle_increment_rad == pytest.approx(expected.angle_increment_rad)
+
+
+def test_good_odometry_is_kept_where_matching_alone_jumps() -> None:
+    """The scans are 0.67 s apart, and between them the robot drives up to 1.2 m and turns by up to 1.3 rad."""
+    corners = [(3.0, 3.0), (27.0, 3.0), (27.0, 17.0), (3.0, 17.0)]
+    robot = {"start": [3.0, 3.0, 0.0], "route": [*corners[1:], *corners], "speed_mps": 1.8, "turn_radps": 2.0}
+    lidar = {"rate_hz": 1.5, "beams": 181, "field_of_view_deg": 180.0, "range_max_m": 12.0}
+    rooms = [{"rectangle": [0.0, 0.0, 30.0, 20.0]}, {"rectangle": [6.0, 6.0, 24.0, 14.0]}]
+    world = {
+        "seed": 3,
+        "walls": [*rooms, {"points": [[12.0, 0.0], [12.0, 3.0]]}],
+        "robot": {
+            **robot,
+            "wheels": {"left_radius_error": 0.005, "right_radius_error": -0.005, "max_speed_mps": 2.5},
+        },
+        "sensors": {"lidar": lidar, "odometry": {"rate_hz": 15}},
+    }
+    drive = drive_route(Simulator(validate_world(world, "sparse"), Path()))
+    events = [event for event, is_truth in drive if not is_truth]
+    tracker = new_tracker()
+    tracker.track_all(event for event in events if not isinstance(event, Odometry))
+    assert tracker.is_erratic
+    assert not checked(events)[0].faults.odometry.faults
