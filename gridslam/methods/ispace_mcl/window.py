@@ -23,6 +23,7 @@ from gridslam.kernels.scan_matching.correlative_matching import (
 )
 from gridslam.methods.ispace_mcl.cameras.environment import CameraObservation
 from gridslam.methods.ispace_mcl.continuity import overlap_of
+from gridslam.methods.ispace_mcl.local_map import LocalMap, local_map
 from gridslam.sensors.pose_search import climb
 from gridslam.sensors.visibility import BeamSegments
 
@@ -32,6 +33,7 @@ MAX_TRAVEL_M = 4.0  # length of the path whose scans are searched for together
 MAX_SEARCH_SCANS = 10  # largest number of scans that are searched for together
 MIN_STEP_M = 0.4  # smallest travel between the scans of the window ...
 MIN_STEP_RAD = 0.3  # ... or the smallest rotation
+MAP_POINTS = 180  # largest number of points of each scan in the local map
 MAX_SCANS = 50  # scans that are kept, for tracing hypotheses back
 
 _CELL_M = 0.05  # cell of the matching field; the refinement (`_STEPS`) goes on within it
@@ -88,6 +90,7 @@ class PastScan:
 
     step: Floats
     beams: BeamSegments
+    surface: BeamSegments
     observations: Sequence[CameraObservation]
     tracked: Floats | None = None
     overlap: float = 1.0
@@ -167,31 +170,44 @@ class ScanWindow:
         while len(self._scans) > count:
             self._scans.popleft()
 
-    def recent(self, max_beams: int) -> BeamSegments:
-        """The beams of the last scans in the robot's present frame, at most `max_beams`, equally many of each scan."""
+    def recent(self, max_beams: int, travel_m: float = MAX_TRAVEL_M) -> BeamSegments:
+        """The surfaces of the last metres in the robot's present frame, as at most `max_beams` beams spread evenly over them."""
         self._match()
-        scans = list(self._scans)[-MAX_SEARCH_SCANS:]
-        origins, endpoints = [], []
-        pose, travel_m = np.zeros(3), 0.0
-        beams_per_scan = max(max_beams // max(len(scans), 1), 1)
-        for scan in reversed(scans):
-            if len(scan.points):
-                beams = scan.beams(beams_per_scan)
-                origins.append(se2.transform_points(pose, beams.origins))
-                endpoints.append(se2.transform_points(pose, beams.endpoints))
-            travel_m += float(np.hypot(scan.step[0], scan.step[1]))
-            if travel_m > MAX_TRAVEL_M:
-                break
-            pose = se2.compose(pose, se2.inverse(scan.step))
-        if not endpoints:
-            return BeamSegments(np.zeros((0, 2)), np.zeros((0, 2)))
-        return BeamSegments(np.concatenate(origins), np.concatenate(endpoints))
+        beams = self._local_map(travel_m).beams
+        chosen = evenly_spaced(len(beams), max_beams)
+        return BeamSegments(beams.origins[chosen], beams.endpoints[chosen])
 
     def past(self, max_beams: int) -> list[PastScan]:
         """All scans from the latest to the oldest, each with at most `max_beams` beams."""
         self._match()
-        scans = reversed(self._scans)
-        return [PastScan(s.step, s.beams(max_beams), s.observations, s.tracked, s.overlap) for s in scans]
+        surfaces, poses = self._local_map(np.inf), self._poses()
+        past = []
+        for row, s in enumerate(reversed(self._scans)):
+            mine = surfaces.scans == row
+            inverse = se2.inverse(poses[row])
+            surface = BeamSegments(
+                se2.transform_points(inverse, surfaces.beams.origins[mine]),
+                se2.transform_points(inverse, surfaces.beams.endpoints[mine]),
+            )
+            past.append(PastScan(s.step, s.beams(max_beams), surface, s.observations, s.tracked, s.overlap))
+        return past
+
+    def _poses(self) -> Floats:
+        """The poses `(k, 3)` of the scans in the robot's present frame, latest first."""
+        poses = [np.zeros(3)]
+        for scan in list(reversed(self._scans))[:-1]:
+            poses.append(se2.compose(poses[-1], se2.inverse(scan.step)))
+        return np.stack(poses)
+
+    def _local_map(self, travel_m: float) -> LocalMap:
+        """The surfaces that the scans of the last metres show."""
+        scans = list(reversed(self._scans))
+        poses = self._poses()
+        travel = np.cumsum([0.0, *(np.hypot(s.step[0], s.step[1]) for s in scans[:-1])])
+        count = int(np.searchsorted(travel, travel_m, side="right"))
+        viewpoints = np.stack([s.viewpoint for s in scans[:count]])
+        points = [s.points[evenly_spaced(len(s.points), MAP_POINTS)] for s in scans[:count]]
+        return local_map(poses[:count], viewpoints, points)
 
     def _match(self) -> None:
         """Correct the steps that are still those of the odometry."""

@@ -43,6 +43,12 @@ Floats = NDArray[np.float64]
 LogLikelihood = Callable[[Floats], Floats]
 CameraLogLikelihood = Callable[[Sequence[CameraObservation], Floats], Floats]
 
+import os
+SURFACE = float(os.environ.get("SURFACE", "0.2"))
+LONG_M = float(os.environ.get("LONG_M", "10"))
+LONG_BEAMS = 400
+INJ = int(os.environ.get("INJ", "1"))
+POOL = int(os.environ.get("POOL", "0"))
 BIN_M, BIN_RAD = 0.5, 0.26  # one hypothesis for each bin of position and heading
 SEARCH = PoseSearchSettings(
     spacing_m=0.3,
@@ -63,7 +69,7 @@ MAX_BEAMS = 300  # largest number of beams of the window, equally many of each s
 CLIMB_BEAMS = 100  # number of these by which a pose climbs to its maximum; all of them score it there
 MIN_BEAMS = 10  # with fewer beams nothing is searched for
 PAST_BEAMS = 30  # number of beams of each scan over which a hypothesis is traced back
-MAX_SCAN_LOG_ODDS = 0.8  # largest log-odds between two poses from one scan: a place may have changed ...
+MAX_SCAN_LOG_ODDS = float(__import__("os").environ.get("SCANB", "0.8"))  # largest log-odds between two poses from one scan: a place may have changed ...
 # ... unless it agrees with the map at one of the two: a changed place explains no lower score than this
 CHANGED_SCORE = -2.5
 SWITCH_LOG_ODDS = 2.0  # lead of a hypothesis from which it takes over from the tracked pose ...
@@ -149,6 +155,9 @@ class Relocalizer:
     def _score(self, beams: BeamSegments) -> LogLikelihood:
         return lambda poses: BEAM_WEIGHT * self._visibility.table_sums(self._table, beams, poses)
 
+    def _surface_score(self, beams: BeamSegments) -> LogLikelihood:
+        return lambda poses: SURFACE * self._visibility.table_sums(self._table, beams, poses)
+
     def trace_back(self, poses: Floats, past: Sequence[PastScan]) -> Floats:
         """Log-likelihoods `(k, n)` of k past scans, latest first, for robots that are at poses `(n, 3)` now.
 
@@ -162,10 +171,13 @@ class Relocalizer:
             if scan.tracked is not None and _is_near(scan.tracked, poses[0], BESIDE_M):
                 poses = np.concatenate([scan.tracked[None], poses[1:]])
             if len(scan.beams):
-                score = _held_at(self._score(scan.beams), poses)
+                start = poses
+                score = _held_at(self._score(scan.beams), start)
                 scores[row] = score(poses)
                 for step_m, step_rad in _TRACING_STEPS:
                     poses, scores[row] = climb(score, poses, scores[row], step_m, step_rad)
+                if SURFACE > 0:
+                    scores[row] = _held_at(self._surface_score(scan.surface), start)(poses)
             if scan.observations:
                 by_cameras[row] = self._by_cameras(scan.observations, poses)
             poses = se2.compose(poses, se2.inverse(scan.step))
@@ -184,6 +196,11 @@ class Relocalizer:
         if len(beams) < MIN_BEAMS:
             return None
         found = self.search(beams)
+        longer = window.recent(LONG_BEAMS, LONG_M) if LONG_M else beams
+        if len(longer) > 1.3 * len(beams):
+            more = self.search(longer)
+            poses = np.concatenate([found.poses, more.poses])
+            found = PoseHypotheses(*best_per_bin(poses, self._score(beams)(poses), BIN_M, BIN_RAD, len(poses)))
         past = window.past(PAST_BEAMS)
         if tracked is None:
             seen = past[0].observations
@@ -200,18 +217,19 @@ class Relocalizer:
         prices = kidnapping_log_odds(np.array([scan.overlap for scan in past]))
         by_scans, explained = with_kidnapping(scores[:, 1:], scores[:, 0], prices[:-1])
         mass = _mass_near(others, tracked.particles)
-        found = PoseHypotheses(others, with_filter(by_scans, own_score, mass / tracked.belief.mass))
+        pooled = with_filter(by_scans, own_score, mass / tracked.belief.mass) if POOL else by_scans
+        found = PoseHypotheses(others, pooled)
         best = float(found.scores.max(initial=-np.inf))
         lead = own_score - best
         if -lead > SWITCH_LOG_ODDS - SWITCH_UNEXPLAINED * best:
             particles = mixture(tracked.particles, own_score, found, count, rng)
             scans = int(explained[np.argmax(found.scores)])
             return Comparison(particles, is_switch=True, scans=scans if scans < len(past) else None)
-        leads = lead > CONFIRM_LOG_ODDS
+        leads = lead > CONFIRM_LOG_ODDS; self.dbg = (lead, own_score - by_scans.max(initial=-99), _lead_now(scores), mass[np.argmax(found.scores)] if len(found.scores) else 0)
         unexplained = max(MEAN_SCORE * len(past) - float(scores[:, 0].sum()), 0.0)
         is_best = lead > BEST_LOG_ODDS and _is_clear(scores, own_score - by_scans)
         is_confirmed = is_best and lead > CONFIRM_LOG_ODDS + CONFIRM_UNEXPLAINED * unexplained
-        if leads and tracked.belief.mass > DECIDED_MASS:
+        if (leads or INJ and lead > 0) and (tracked.belief.mass > DECIDED_MASS or INJ):
             return Comparison(None, is_confirmed, is_best)
         overlooked = PoseHypotheses(others[mass == 0.0], found.scores[mass == 0.0])
         joined = with_overlooked(tracked.particles, own_score, tracked.belief.mass, overlooked, rng)
@@ -254,3 +272,8 @@ def _is_near(poses: Floats, others: Floats, distance_m: float) -> NDArray[np.boo
     off = poses - others
     is_near = np.hypot(off[..., 0], off[..., 1]) < distance_m
     return np.asarray(is_near & (np.abs(se2.wrap_angle(off[..., 2])) < _SAME_RAD))
+
+
+def _lead_now(scores):
+    latest = scores[:MAX_SEARCH_SCANS].sum(axis=0)
+    return latest[0] - latest[1:].max(initial=-np.inf)
