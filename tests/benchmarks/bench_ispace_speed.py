@@ -27,7 +27,7 @@ from gridslam.methods.ispace_mcl.cameras.environment import (
 )
 from gridslam.methods.ispace_mcl.config import LidarWeightName
 from gridslam.methods.ispace_mcl.scan_agreement import BLOCKED_TOLERANCE_M, GRAZING_SLACK_M
-from gridslam.methods.ispace_mcl.search.relocalization import MAX_BEAMS, SEARCH, Relocalizer
+from gridslam.methods.ispace_mcl.search.relocalization import SEARCH, SEARCHED, Relocalizer
 from gridslam.methods.ispace_mcl.weighing import log_weight_of
 from gridslam.motion.odometry_model import OdometryNoise, sample_motion
 from gridslam.sensors.fixed_camera import COLOUR_AND_DEPTH, FixedCamera, FloorDetections
@@ -73,7 +73,7 @@ def round_rows() -> Iterator[BenchmarkRow]:
     field = distance_field(occupied, grid.geometry, 2.0)
     beams, nothing = scan(rng), np.zeros((0, 2))
     for name in WEIGHTS:
-        weigh = log_weight_of(name, field, occupied)
+        weigh = log_weight_of(name, field, occupied, BEAMS)
         cost = cpu_ms(lambda weigh=weigh: weigh(beams, poses, nothing))
         yield BenchmarkRow(f"ispace.weigh.{name}", cost, "ms")
     observations, particles = [observation(k, rng) for k in range(3)], Particles.even(poses)
@@ -102,20 +102,21 @@ def search_ms() -> float:
         PoseSearch(field, free, SEARCH), visibility, lambda seen, poses: np.zeros(len(poses))
     )
     pose = draw_free_poses(free, grid, 1, np.random.default_rng(2))
-    bearings = np.linspace(-np.pi, np.pi, MAX_BEAMS, endpoint=False)
+    bearings = np.linspace(-np.pi, np.pi, SEARCHED[0][1], endpoint=False)
     ranges = caster.ranges(pose, bearings, np.zeros(3), 10.0)[0]
     points = np.column_stack([np.cos(bearings), np.sin(bearings)]) * ranges[:, None]
     return cpu_ms(lambda: relocalizer.search(BeamSegments(np.zeros_like(points), points)), 5)
 
 
 def scan(rng: np.random.Generator) -> Beams:
-    """Beams all around, of one to five metres."""
-    bearings, ranges = np.linspace(-2.0, 2.0, BEAMS), rng.uniform(1.0, 5.0, BEAMS)
+    """Beams all around, of one to five metres, more than are used."""
+    count = 6 * BEAMS
+    bearings, ranges = np.linspace(-2.0, 2.0, count), rng.uniform(1.0, 5.0, count)
     points = np.column_stack([np.cos(bearings), np.sin(bearings)]) * ranges[:, None]
     return Beams(
         ranges=ranges,
         bearings=bearings,
-        returned=np.ones(BEAMS, bool),
+        returned=np.ones(count, bool),
         points=points,
         extrinsics=np.zeros(3),
         max_range_m=5.6,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.arrays import evenly_spaced
+from gridslam.sensors.surface_points import first_in_squares
 from gridslam.sensors.visibility import BeamSegments
 
 Floats = NDArray[np.float64]
@@ -48,10 +49,7 @@ def local_map(poses: Floats, viewpoints: Floats, points: list[Floats]) -> LocalM
     scans, endpoints = scans[kept], endpoints[kept]
     ranges = np.hypot(*(endpoints - origins[scans]).T)
     order = np.argsort(ranges, kind="stable")
-    squares = np.floor(endpoints[order] / SPACING_M).astype(np.int64)
-    squares -= squares.min(axis=0, initial=0)
-    _, first = np.unique(squares[:, 0] * (squares[:, 1].max(initial=0) + 1) + squares[:, 1], return_index=True)
-    chosen = order[first]
+    chosen = order[first_in_squares(endpoints[order], SPACING_M)]
     return LocalMap(BeamSegments(origins[scans[chosen]], endpoints[chosen]), scans[chosen])
 
 

@@ -44,17 +44,6 @@ from gridslam.sensors.visibility import VisibilityField
 
 Floats = NDArray[np.float64]
 
-import os
-SPREAD = float(os.environ.get("SPREAD", "0.2"))
-def spread(beams, n):
-    from dataclasses import replace
-    from gridslam.core.arrays import evenly_spaced
-    c = np.floor(beams.points / SPREAD).astype(np.int64)
-    c -= c.min(axis=0)
-    _, first = np.unique(c[:, 0] * (c[:, 1].max() + 1) + c[:, 1], return_index=True)
-    first = np.sort(first)
-    return replace(beams, points=beams.points[first[evenly_spaced(len(first), n)]])
-BOUND = float(os.environ.get("BOUND", "0"))
 FIELD_MAX_DISTANCE_M = 2.0  # distances to walls are stored up to this; every likelihood is flat beyond it
 SLIP_NOISE_FACTOR = 3.0  # noise of the particles that slip, relative to the others
 CLUSTER_M, CLUSTER_RAD = 1.0, 0.5  # radius of the main cluster
@@ -81,7 +70,7 @@ class Localizer:
         walls = lasting_walls(occupied, occupancy.geometry.resolution_m)
         caster = range_caster(walls, occupancy.geometry)
         visibility = VisibilityField(field, caster, BLOCKED_TOLERANCE_M, GRAZING_SLACK_M)
-        self._log_weight = log_weight_of(config.weight, field, occupied)
+        self._log_weight = log_weight_of(config.weight, field, occupied, config.scan.beams)
         self._monitor = ConfidenceMonitor(
             InlierLimits(advanced.min_inlier_ratio, advanced.good_inlier_ratio), visibility
         )
@@ -203,15 +192,9 @@ class Localizer:
 
     def _weigh(self, beams: Beams, moving: Floats) -> None:
         """Apply the onboard weight; `moving` `(k, 2)` are the floor cells with detections of the cameras."""
-        used = beams.subsampled(self._config.scan.beams)
-        if SPREAD and self._config.weight == "likelihood-field" and len(beams.points):
-            used = spread(beams, self._config.scan.beams)
-        if len(used.points):
-            log_weights = self._log_weight(used, self.particles.poses, moving)
-            log_weights = self._news * log_weights
-            if BOUND:
-                log_weights = np.maximum(log_weights, log_weights.max() - BOUND)
-            self.particles = self.particles.reweighted(log_weights)
+        if len(beams.points):
+            log_weights = self._log_weight(beams, self.particles.poses, moving)
+            self.particles = self.particles.reweighted(self._news * log_weights)
             if self._keeps_hypotheses:  # the paper's filter takes every scan as new
                 self._news = 0.0
         else:

@@ -25,7 +25,6 @@ from gridslam.sensors.fixed_camera import FloorDetections
 from gridslam.sensors.floor_cells import FloorCells
 from gridslam.sensors.lidar_beams import Beams
 from gridslam.sensors.likelihood_field import distance_field
-from gridslam.sensors.range_caster import range_caster
 from tests.reference.kernel_density import density_at
 
 CELL_M = 0.1
@@ -175,7 +174,7 @@ def test_a_beam_that_ends_at_a_detection_is_half_explained_and_other_beams_are_u
     occupied = np.zeros((100, 100), bool)
     occupied[:, 0] = True
     field = distance_field(occupied, GridGeometry(0.1, (0.0, 0.0)), 2.0)
-    weigh = log_weight_of("likelihood-field", field, range_caster(occupied, field.geometry))
+    weigh = log_weight_of("likelihood-field", field, occupied, 60)
     beam = Beams(
         ranges=np.array([2.0]),
         bearings=np.zeros(1),

@@ -14,12 +14,12 @@ from gridslam.methods.ispace_mcl.search.hypothesis_scores import (
     DISCONTINUOUS_LOG_ODDS,
     KIDNAPPING_LOG_ODDS,
     kidnapping_log_odds,
-    with_filter,
     with_kidnapping,
 )
 from gridslam.methods.ispace_mcl.search.relocalization import SEARCH, Relocalizer
 from gridslam.methods.ispace_mcl.search.search_schedule import SearchSchedule
-from gridslam.methods.ispace_mcl.window import PastScan, ScanWindow, matched_step
+from gridslam.methods.ispace_mcl.step_matching import matched_step
+from gridslam.methods.ispace_mcl.window import PastScan, ScanWindow
 from gridslam.sensors.floor_cells import FloorCells
 from gridslam.sensors.likelihood_field import distance_field
 from gridslam.sensors.pose_search import PoseSearch
@@ -86,12 +86,6 @@ def test_only_travel_of_a_confirmed_pose_counts_in_its_favour():
     assert (schedule.is_trusted, schedule.is_best, schedule.prior_log_odds) == (False, False, 0.0)
 
 
-def test_what_the_filter_knows_of_a_hypothesis_counts_as_much_as_the_scans_of_the_window():
-    ratios = np.array([0.0, 1.0, 0.01])  # to the weight of the tracked pose
-    found = with_filter(np.array([3.0, 3.0, 3.0]), 1.0, ratios)
-    assert found == pytest.approx([3.0, 2.0, 2.0 + 0.5 * np.log(0.01)])
-
-
 def test_a_scan_matched_to_the_one_before_corrects_the_odometry():
     before, after = np.array([-1.0, 3.8, 0.1]), np.array([-0.6, 3.9, 0.3])
     truth = se2.between(before, after)
@@ -115,7 +109,7 @@ def test_the_scans_of_the_window_are_aligned():
             step = se2.between(path[k - 1], pose)
             drifting = se2.compose(drifting, step * (1.1, 1.0, 1.1))
         window.add(drifting, LIDAR[:2], _points(pose))
-    beams = window.recent(300)
+    beams = window.recent(4.0, 300)
     assert len(beams) <= 300
     occupied = building().geometry.centres(np.argwhere(building().probability > 0.5))
     ends = se2.transform_points(path[-1], beams.endpoints)
@@ -131,7 +125,7 @@ def test_scans_close_to_each_other_are_replaced():
     assert 5 <= len(window) <= 7
     assert len(window.past(2)) == len(window)
     window.clear()
-    assert len(window.recent(10)) == 0
+    assert len(window.recent(4.0, 10)) == 0
 
 
 def test_what_the_cameras_saw_in_the_past_counts_for_the_pose_that_the_odometry_gives_then():
@@ -141,7 +135,7 @@ def test_what_the_cameras_saw_in_the_past_counts_for_the_pose_that_the_odometry_
     nothing, step = BeamSegments(np.zeros((0, 2)), np.zeros((0, 2))), np.array([1.5, 0.0, 0.0])
     search = PoseSearch(field, grid.probability < 0.3, SEARCH)
     relocalizer = Relocalizer(search, visibility, lambda seen, poses: len(seen) * poses[:, 0])
-    past = [PastScan(step, nothing, ()), PastScan(step, nothing, (SEEN, SEEN))]
+    past = [PastScan(step, nothing, nothing, ()), PastScan(step, nothing, nothing, (SEEN, SEEN))]
     scores = relocalizer.trace_back(np.array([[5.0, 2.0, 0.0], [5.0, 2.0, np.pi]]), past)
     np.testing.assert_allclose(scores, [[0.0, 0.0], [7.0, 13.0]])
     # The first pose follows those of the filter, unless the filter was elsewhere.

@@ -1,4 +1,4 @@
-"""Scores of hypotheses about the robot's pose that allow for its having been carried elsewhere, and for what the filter knows."""
+"""Scores of hypotheses about the robot's pose that allow for its having been carried elsewhere."""
 
 from __future__ import annotations
 
@@ -31,14 +31,3 @@ def with_kidnapping(others: Floats, own: Floats, prices: Floats) -> tuple[Floats
     latest[:-1] += (older[:-1] - prices)[:, None]
     first = latest.argmax(axis=0)
     return np.take_along_axis(latest, first[None], axis=0)[0], first + 1
-
-
-def with_filter(scores: Floats, own_score: float, mass_ratios: Floats) -> Floats:
-    """Scores `(n,)` of hypotheses; for those that the filter has followed, the mean of the score and of what the filter says.
-
-    The scans of the window are evidence that the filter had too, with more beams, but with less freedom for a pose to move.
-    `mass_ratios` `(n,)` are the weights of the particles at each hypothesis over that of the tracked pose; 0 without particles.
-    """
-    is_followed = mass_ratios > 0.0
-    pooled = 0.5 * (scores + own_score + np.log(np.where(is_followed, mass_ratios, 1.0)))
-    return np.where(is_followed, pooled, scores)

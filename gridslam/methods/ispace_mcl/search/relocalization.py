@@ -22,13 +22,9 @@ from gridslam.methods.ispace_mcl.search.hypothesis_particles import (
     sample_hypotheses,
     with_overlooked,
 )
-from gridslam.methods.ispace_mcl.search.hypothesis_scores import (
-    kidnapping_log_odds,
-    with_filter,
-    with_kidnapping,
-)
+from gridslam.methods.ispace_mcl.search.hypothesis_scores import kidnapping_log_odds, with_kidnapping
 from gridslam.methods.ispace_mcl.weighing import RANDOM_WEIGHT
-from gridslam.methods.ispace_mcl.window import MAX_SEARCH_SCANS, PastScan, ScanWindow
+from gridslam.methods.ispace_mcl.window import PastScan, ScanWindow
 from gridslam.sensors.likelihood_field import log_likelihood_table
 from gridslam.sensors.pose_search import (
     PoseHypotheses,
@@ -43,12 +39,6 @@ Floats = NDArray[np.float64]
 LogLikelihood = Callable[[Floats], Floats]
 CameraLogLikelihood = Callable[[Sequence[CameraObservation], Floats], Floats]
 
-import os
-SURFACE = float(os.environ.get("SURFACE", "0.2"))
-LONG_M = float(os.environ.get("LONG_M", "10"))
-LONG_BEAMS = 400
-INJ = int(os.environ.get("INJ", "1"))
-POOL = int(os.environ.get("POOL", "0"))
 BIN_M, BIN_RAD = 0.5, 0.26  # one hypothesis for each bin of position and heading
 SEARCH = PoseSearchSettings(
     spacing_m=0.3,
@@ -65,11 +55,16 @@ FINALISTS = 200  # number of these that are compared with the tracked pose at mo
 
 MATCH_STD_M = 0.2  # standard deviation of the window's points about walls: matched scans add their own error
 BEAM_WEIGHT = 0.1  # power of a beam's likelihood: neighbouring beams have common errors
-MAX_BEAMS = 300  # largest number of beams of the window, equally many of each scan
+# Travel (m) whose surfaces are searched for together, and the largest number of beams to them: the shorter one shows a place
+# that the robot was carried to, the longer one is distinct on maps that have aged
+SEARCHED = ((4.0, 300), (10.0, 400))
+MORE_RATIO = 1.3  # the longer one is searched for if it has this many times the beams of the shorter one
+LATEST_SCANS = 10  # number of scans of about the shorter one
 CLIMB_BEAMS = 100  # number of these by which a pose climbs to its maximum; all of them score it there
 MIN_BEAMS = 10  # with fewer beams nothing is searched for
 PAST_BEAMS = 30  # number of beams of each scan over which a hypothesis is traced back
-MAX_SCAN_LOG_ODDS = float(__import__("os").environ.get("SCANB", "0.8"))  # largest log-odds between two poses from one scan: a place may have changed ...
+SURFACE_WEIGHT = 0.15  # power of the likelihood of a beam to a piece of a surface
+MAX_SCAN_LOG_ODDS = 1.2  # largest log-odds between two poses from one scan: a place may have changed ...
 # ... unless it agrees with the map at one of the two: a changed place explains no lower score than this
 CHANGED_SCORE = -2.5
 SWITCH_LOG_ODDS = 2.0  # lead of a hypothesis from which it takes over from the tracked pose ...
@@ -81,11 +76,8 @@ CONFIRM_UNEXPLAINED = 0.7
 MEAN_SCORE = -0.7
 # Lead of a hypothesis over the last metres from which nothing else confirms the tracked pose
 DOUBT_LOG_ODDS = 3.0
-# ... and by the scans of the window alone: the filter counts alike scans for too much
-CONFIRM_BY_SCANS_LOG_ODDS = 1.0
 # Lead of the tracked pose from which it is the best one: enough where nothing in its scans contradicts the map
 BEST_LOG_ODDS = 1.0
-DECIDED_MASS = 0.99  # weight of the main cluster from which no other hypothesis is added to it
 CONCENTRATED_MASS = 0.9  # weight of the main cluster from which the map is tested for being mirrored
 BESIDE_M = 1.5  # the path drifts as much over the window: its older scans do not distinguish two poses that are as near
 
@@ -152,11 +144,8 @@ class Relocalizer:
         scores = self._score(beams)(poses)
         return PoseHypotheses(*best_per_bin(poses, scores, BIN_M, BIN_RAD, len(poses)))
 
-    def _score(self, beams: BeamSegments) -> LogLikelihood:
-        return lambda poses: BEAM_WEIGHT * self._visibility.table_sums(self._table, beams, poses)
-
-    def _surface_score(self, beams: BeamSegments) -> LogLikelihood:
-        return lambda poses: SURFACE * self._visibility.table_sums(self._table, beams, poses)
+    def _score(self, beams: BeamSegments, beam_weight: float = BEAM_WEIGHT) -> LogLikelihood:
+        return lambda poses: beam_weight * self._visibility.table_sums(self._table, beams, poses)
 
     def trace_back(self, poses: Floats, past: Sequence[PastScan]) -> Floats:
         """Log-likelihoods `(k, n)` of k past scans, latest first, for robots that are at poses `(n, 3)` now.
@@ -171,13 +160,11 @@ class Relocalizer:
             if scan.tracked is not None and _is_near(scan.tracked, poses[0], BESIDE_M):
                 poses = np.concatenate([scan.tracked[None], poses[1:]])
             if len(scan.beams):
-                start = poses
-                score = _held_at(self._score(scan.beams), start)
-                scores[row] = score(poses)
+                predicted, score = poses, _held_at(self._score(scan.beams), poses)
+                climbed = score(poses)
                 for step_m, step_rad in _TRACING_STEPS:
-                    poses, scores[row] = climb(score, poses, scores[row], step_m, step_rad)
-                if SURFACE > 0:
-                    scores[row] = _held_at(self._surface_score(scan.surface), start)(poses)
+                    poses, climbed = climb(score, poses, climbed, step_m, step_rad)
+                scores[row] = _held_at(self._score(scan.surface, SURFACE_WEIGHT), predicted)(poses)
             if scan.observations:
                 by_cameras[row] = self._by_cameras(scan.observations, poses)
             poses = se2.compose(poses, se2.inverse(scan.step))
@@ -192,15 +179,15 @@ class Relocalizer:
 
         `count` is the number of new particles.
         """
-        beams = window.recent(MAX_BEAMS)
+        beams, longer = (window.recent(*searched) for searched in SEARCHED)
         if len(beams) < MIN_BEAMS:
             return None
         found = self.search(beams)
-        longer = window.recent(LONG_BEAMS, LONG_M) if LONG_M else beams
-        if len(longer) > 1.3 * len(beams):
-            more = self.search(longer)
-            poses = np.concatenate([found.poses, more.poses])
-            found = PoseHypotheses(*best_per_bin(poses, self._score(beams)(poses), BIN_M, BIN_RAD, len(poses)))
+        if len(longer) > MORE_RATIO * len(beams):
+            poses = np.concatenate([found.poses, self.search(longer).poses])
+            found = PoseHypotheses(
+                *best_per_bin(poses, self._score(beams)(poses), BIN_M, BIN_RAD, len(poses))
+            )
         past = window.past(PAST_BEAMS)
         if tracked is None:
             seen = past[0].observations
@@ -212,38 +199,35 @@ class Relocalizer:
         others = _elsewhere(found.poses, own.poses[0])
         scores = self.trace_back(np.concatenate([own.poses[:1], others]), past)
         beside = np.r_[False, _is_near(others, own.poses[0], BESIDE_M)]
-        scores[MAX_SEARCH_SCANS:, beside] = scores[MAX_SEARCH_SCANS:, :1]
+        scores[LATEST_SCANS:, beside] = scores[LATEST_SCANS:, :1]
         own_score = float(scores[:, 0].sum()) + tracked.prior_log_odds
         prices = kidnapping_log_odds(np.array([scan.overlap for scan in past]))
         by_scans, explained = with_kidnapping(scores[:, 1:], scores[:, 0], prices[:-1])
-        mass = _mass_near(others, tracked.particles)
-        pooled = with_filter(by_scans, own_score, mass / tracked.belief.mass) if POOL else by_scans
-        found = PoseHypotheses(others, pooled)
+        found = PoseHypotheses(others, by_scans)
         best = float(found.scores.max(initial=-np.inf))
         lead = own_score - best
         if -lead > SWITCH_LOG_ODDS - SWITCH_UNEXPLAINED * best:
             particles = mixture(tracked.particles, own_score, found, count, rng)
             scans = int(explained[np.argmax(found.scores)])
             return Comparison(particles, is_switch=True, scans=scans if scans < len(past) else None)
-        leads = lead > CONFIRM_LOG_ODDS; self.dbg = (lead, own_score - by_scans.max(initial=-99), _lead_now(scores), mass[np.argmax(found.scores)] if len(found.scores) else 0)
         unexplained = max(MEAN_SCORE * len(past) - float(scores[:, 0].sum()), 0.0)
-        is_best = lead > BEST_LOG_ODDS and _is_clear(scores, own_score - by_scans)
+        is_best = lead > BEST_LOG_ODDS and _latest_lead(scores) > -DOUBT_LOG_ODDS
         is_confirmed = is_best and lead > CONFIRM_LOG_ODDS + CONFIRM_UNEXPLAINED * unexplained
-        if (leads or INJ and lead > 0) and (tracked.belief.mass > DECIDED_MASS or INJ):
+        if lead > 0.0:
             return Comparison(None, is_confirmed, is_best)
+        mass = _mass_near(others, tracked.particles)
         overlooked = PoseHypotheses(others[mass == 0.0], found.scores[mass == 0.0])
         joined = with_overlooked(tracked.particles, own_score, tracked.belief.mass, overlooked, rng)
         return Comparison(joined, is_confirmed, is_best)
 
 
-def _is_clear(scores: Floats, leads: Floats) -> bool:
-    """Whether the scans decide for the tracked pose, by its leads `(n,)` over the hypotheses, and over the last metres.
+def _latest_lead(scores: Floats) -> float:
+    """The lead of the tracked pose by its latest scans alone.
 
     `scores` `(k, 1 + n)` are those of the scans, latest first, for the tracked pose and the hypotheses.
     """
-    latest = scores[:MAX_SEARCH_SCANS].sum(axis=0)
-    lead_now = latest[0] - latest[1:].max(initial=-np.inf)
-    return bool(leads.min(initial=np.inf) > CONFIRM_BY_SCANS_LOG_ODDS and lead_now > -DOUBT_LOG_ODDS)
+    latest = scores[:LATEST_SCANS].sum(axis=0)
+    return float(latest[0] - latest[1:].max(initial=-np.inf))
 
 
 def _held_at(score: LogLikelihood, poses: Floats) -> LogLikelihood:
@@ -272,8 +256,3 @@ def _is_near(poses: Floats, others: Floats, distance_m: float) -> NDArray[np.boo
     off = poses - others
     is_near = np.hypot(off[..., 0], off[..., 1]) < distance_m
     return np.asarray(is_near & (np.abs(se2.wrap_angle(off[..., 2])) < _SAME_RAD))
-
-
-def _lead_now(scores):
-    latest = scores[:MAX_SEARCH_SCANS].sum(axis=0)
-    return latest[0] - latest[1:].max(initial=-np.inf)
