@@ -25,14 +25,14 @@ from gridslam.core.plain_files import MAX_JSON_BYTES, read_plain_file
 
 REPORT_NAME = "report.json"
 REPORT_FORMAT = "gridslam run"
-MIN_FREE_BYTES = 64 << 20  # a large map with its layers, pictures and report
+MIN_FREE_BYTES = 64 << 20  # size of a large map with its layers, pictures and report
 
 
 def check_free(directory: Path, force: bool, inputs: Iterable[Path] = ()) -> Identity | None:
     """Raise ConfigError unless a run may be written here: a new path, an empty folder, or with `force` an earlier run.
 
     An earlier run that contains one of the `inputs` is never replaced. The check is made before a run and again before writing.
-    Returns what is there now, by which writing notices that another process has put something there since.
+    Returns the identity of the path now, by which writing notices that another process has written it since.
     """
     check_name(directory)
     if directory.is_symlink() and not directory.exists():

@@ -1,4 +1,4 @@
-"""One line that says how far a run trusted each sensor."""
+"""One line that says how much a run trusted each sensor."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def corrections_of(trajectory: Trajectory, odometry: Trajectory) -> Trajectory:
 
 
 def _latched(run: Run, log: Log, start_ns: int) -> Iterator[Encoded]:
-    """Messages that are valid all the time, with the first stamp."""
+    """Messages that are valid for the whole log, with its first stamp."""
     for extrinsics in log.sensor_extrinsics:
         if extrinsics.frame_id != extrinsics.child_frame_id:
             yield from encode(_at(extrinsics, start_ns))
@@ -136,7 +136,7 @@ def _transforms(poses: Trajectory, parent: str, child: str) -> Iterator[Encoded]
 
 
 def _recorded(log: Log) -> Iterator[Encoded]:
-    """The log's own data, the truth among it; a reading of a ranger on a servo becomes a scan of one beam as well."""
+    """The log's own data, including true poses; each reading of a ranger on a servo is added as a scan of one beam."""
     for kind, topic, event in log.events_by_stream(with_truth=True):
         if isinstance(event, Transform) and event.is_static:
             continue

@@ -125,7 +125,7 @@ class ClosedLoop:
         return True
 
     def _step(self, command: WheelCommand, write: Callable[[Event], None]) -> None:
-        """DifferentialDrive for a tenth of a second, showing estimator and explorer what comes."""
+        """Drive for a tenth of a second, and pass the events to estimator and explorer."""
         radius = self.simulator.world.robot.wheels.radius_m
         for _ in range(STEPS_PER_COMMAND):
             for event in self.simulator.step(command.left_mps / radius, command.right_mps / radius):

@@ -1,4 +1,4 @@
-"""Exploring a simulated world: a drawing in, a finished map out.
+"""Explores a simulated world with the help of a drawing, and maps it.
 
 The recorded log is read in the order in which the estimator received its events, so mapping it again gives the same map.
 """
@@ -64,7 +64,7 @@ def explore(
     world, world_path: The world and its file.
     inputs: The method's inputs, among them the drawing.
     show: Called with the progress.
-    stop: Asked in every period whether to stop.
+    stop: Called in every period; the exploration ends once it returns true.
     max_duration_s: Longest time in the world, if it is below the world's own.
 
     Raises ConfigError if the method does not explore or lacks its drawing, or if the world has no lidar or odometry.

@@ -15,7 +15,7 @@ from gridslam.methods.packaged import naming
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """Something that a method was given besides the log, and the file that it was read from."""
+    """An input of a method besides the log: its content, and the file that it was read from."""
 
     value: object
     path: Path
@@ -26,7 +26,7 @@ NOTHING_MORE: Mapping[str, Input] = MappingProxyType({})
 
 
 def read_inputs(paths: Mapping[str, Path], method: str) -> Mapping[str, Input]:
-    """The files that a run of a method is given besides the log, by name, each read by the reader in the method's entry.
+    """The contents of the files that a run takes besides the log, by name, each read by the reader in the method's entry.
 
     Raises ConfigError: the method does not take one of them, or a file is missing or unreadable. The readers raise their own
     errors for the content.

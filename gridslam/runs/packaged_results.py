@@ -1,4 +1,4 @@
-"""Checks of what only a method of another package may hand over; the types say it to the program's own."""
+"""Checks of results of methods in other packages; for methods of this package the type checker makes them."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def _disorder(trajectory: Trajectory) -> Iterator[str]:
 
 
 def _repeated_files(result: RunResult) -> Iterator[str]:
-    """Two parts that would be written to one file, or to one of the run's own."""
+    """Parts that would be written to the same file, or to a file of the run itself, in words."""
     endings = {
         "maps": (".pgm", ".yaml"),
         "pictures": (".png",),

@@ -1,4 +1,4 @@
-"""Bounds of what a method of another package may hand over: writing it takes time and memory by its size."""
+"""Limits for the size of results of methods in other packages, because writing them takes time and memory."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MARKS = ("objects", "loops_ns", "untrusted_ns")
 
 
 def excesses(result: RunResult) -> Iterator[str]:
-    """Parts of a result that are more, or larger, than can be written in seconds, in words that follow "the result"."""
+    """Parts of a result that are too many or too large to be written within seconds, in words that follow "the result"."""
     for kinds, limit in ((_PARTS, MAX_PARTS), (_FACTS, MAX_FACTS), (_MARKS, MAX_MARKS)):
         for kind in kinds:
             parts = getattr(result, kind)
@@ -43,7 +43,7 @@ def excesses(result: RunResult) -> Iterator[str]:
 
 
 def _cells_of(table: Table) -> int:
-    """Cells of a table as its columns say; 0 where rows or columns cannot be counted, which is another fault."""
+    """Number of cells of a table; 0 if its rows or columns cannot be counted, which is reported otherwise."""
     if not isinstance(table.rows, Sized) or not isinstance(table.columns, Sized):
         return 0
     return len(table.rows) * len(table.columns)
@@ -54,7 +54,7 @@ def _characters_of(notes: object) -> int:
 
 
 def _has_more_than(limit: int, measures: object) -> bool:
-    """Whether there is more in the measures; one that holds itself is endless."""
+    """Whether the measures have more values than the limit, as a mapping that contains itself has."""
     left, waiting = limit, [measures]
     while waiting and left >= 0:
         left -= 1

@@ -69,9 +69,9 @@ def run_map(
     stop: Stop,
     inputs: Mapping[str, Input] = NOTHING_MORE,
 ) -> Run:
-    """Map a log. `show` is called with the progress often; once `stop` returns true the run ends with what it has.
+    """Map a log. `show` is called with the progress after each batch; once `stop` returns true, the run ends early.
 
-    `inputs` are what the method's registry entry lists by name (a drawing, a tag database).
+    `inputs` are those of the method's registry entry, by name (a drawing, a tag database).
     Raises ConfigError: the method does not map. LogError: the log is unreadable or lacks a stream.
     """
     return _run("map", config, log_path=log_path, occupancy=None, show=show, stop=stop, further=inputs)
@@ -136,7 +136,7 @@ def _run(
         opened = clock.now()
         history = ParticleHistory(method) if config.output.viewer else None
         fed = feed(log, history or method, show, stop, clock.now)
-        log.close()  # frees what it keeps of its messages
+        log.close()  # frees the messages kept in memory
         return_freed_memory()
         show(Progress(fed.events, fed.events, fed.scans, is_finishing=True))
         before_result = clock.now()
@@ -180,7 +180,7 @@ def _built_method(
     occupancy: OccupancyGrid | None,
     further: Mapping[str, Input],
 ) -> Method:
-    """The method with its inputs; what a method of another package raises names the package."""
+    """The method with its inputs; errors of a method in another package name the package."""
     given = () if occupancy is None else (occupancy,)
     values = {name: item.value for name, item in further.items()}
     if registry.METHODS[config.method_name].is_continued:
@@ -192,7 +192,7 @@ def _built_method(
 
 
 def status_of(result: RunResult, *, is_interrupted: bool, is_lossy: bool) -> Status:
-    """The status of a run: interrupted, else the method's doubt, else lossy, else complete."""
+    """The status of a run: the first that applies of interrupted, the method's doubt, lossy, and complete."""
     if is_interrupted:
         return "interrupted"
     if result.doubt is not None:

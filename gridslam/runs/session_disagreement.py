@@ -27,9 +27,9 @@ NOTE = "Where the place differs from the map: blue stands now and did not, orang
 
 
 def with_disagreement(run: Run, session: Session) -> Run:
-    """The run with a layer, a table and a picture `disagreement`; as it is if the log has no scan at a known pose.
+    """The run with a layer, a table and a picture `disagreement`; unchanged if the log has no scan at a trusted pose.
 
-    The layer is 1 where something stands that the session saw free, -1 where the session saw something that is gone.
+    The layer is 1 where a surface stands in space that the session saw free, -1 where a surface of the session is gone.
     """
     scans, poses = _placed_scans(run)
     if not scans or run.occupancy is None:

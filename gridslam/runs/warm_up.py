@@ -44,7 +44,7 @@ ROOM = {
 
 
 def warm_up(jobs: int = 1, report: Callable[[str], None] = lambda part: None) -> None:
-    """Run each mapper, localizer and explorer with its built-in config, and plan paths: machine code is kept of their kernels.
+    """Run each mapper, localizer and explorer with its built-in config, and plan paths, so that their machine code is cached.
 
     Kernels that only other settings use are compiled at their first use. The parts are shared among `jobs` processes;
     `report` is called with the name of each that is done.
@@ -175,7 +175,7 @@ def _simulate() -> None:
 
 
 def _contradictions() -> None:
-    """Ask a scan about a displaced point, as in maps that contradict themselves, which that of the scripted log does not."""
+    """Compare a scan with a displaced point, as in maps that contradict themselves; the map of the scripted log does not."""
     nothing = np.zeros((1, SECTORS), np.float32)
     testimony_of_shifts(
         np.zeros((1, 2)),
