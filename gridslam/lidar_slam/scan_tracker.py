@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
 from gridslam.core.trajectory import Trajectory
+from gridslam.graph.pose_graph import Edges
 from gridslam.kernels.scan_matching.scan_points import LEVEL
 from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.empty_scans import EmptyScans
@@ -23,6 +24,7 @@ from gridslam.lidar_slam.motion_prediction import FIRM_STD_M, MotionPredictor
 from gridslam.lidar_slam.odometry_noise import odometry_limits
 from gridslam.lidar_slam.open_stretches import OpenStretches
 from gridslam.lidar_slam.packed_scans import PackedScans
+from gridslam.lidar_slam.scan_breaks import ScanBreaks
 from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
 from gridslam.lidar_slam.slips import slip_variances
 from gridslam.lidar_slam.sway import MIN_HEIGHT_M, Sway, SwayObserver, levelled
@@ -59,6 +61,7 @@ class ScanTracker:
         self._predictor = MotionPredictor()
         self._gaps = UnmeasuredGaps()
         self._open_stretches = OpenStretches()
+        self._breaks = ScanBreaks()
         # Velocity (vx, vy, wz) `(3,)` at a stamp, to be used instead of a prediction
         self.known_twist: Callable[[int], Floats] | None = None
         self._counters: Counter[str] = Counter()
@@ -119,10 +122,13 @@ class ScanTracker:
         """The reason, in words, to distrust a path that no other passage confirms; None without one."""
         return self._predictor.doubt or self._gaps.doubt
 
-    @property
-    def sensor_doubt(self) -> str | None:
-        """The reason, in words, to distrust the map of a robot that sways, or of walls that leave its motion open."""
-        return (self.sway and self.sway.doubt) or self._open_stretches.doubt
+    def sensor_doubt(self, loops: Edges) -> str | None:
+        """The reason, in words, to distrust the map of a robot that was carried or sways, or of walls that leave its motion open.
+
+        `loops` are the accepted loop closures between key scans.
+        """
+        carried = self._breaks.doubt(self.path.stamps_of(loops))
+        return carried or (self.sway and self.sway.doubt) or self._open_stretches.doubt
 
     def process(self, event: Event) -> Iterator[PlacedScan]:
         """Process odometry, a yaw rate, a scan or extrinsics; yields the scans that need not wait for odometry any more."""
@@ -173,6 +179,7 @@ class ScanTracker:
         uses_odometry = self._predictor.uses_odometry(placed)
         if len(self.path):
             self._observe_step(scan.stamp_ns, match, uses_odometry)
+        self._breaks.add(scan.stamp_ns, match, len(scan.points))
         slip_m2 = NO_SLIP_M2 if uses_odometry else self._slip_m2(scan.stamp_ns, match)
         pose = self._front_end.pose.copy()
         self.path.append(scan.stamp_ns, pose, match, lidar_of(placed.scan), slip_m2)

@@ -142,7 +142,7 @@ class HandmapSlam:
         if laid is not None:
             result = laid.add_to(result)
         tracker = self._scan_tracker
-        sensor_doubt = self._odometry_check.doubt or tracker.sensor_doubt
+        sensor_doubt = self._odometry_check.doubt or tracker.sensor_doubt(metric.loops)
         return with_consistency(result, metric.consistency, tracker.motion_doubt, sensor_doubt)
 
     def _lay_drawing_over(self, metric: MetricMap) -> LaidDrawing | None:

@@ -138,7 +138,7 @@ class SlamSd:
         )
         return_freed_memory()
         with self._stopwatch.stage("map_consistency"):
-            sensor_doubt = self._odometry_check.doubt or tracker.sensor_doubt
+            sensor_doubt = self._odometry_check.doubt or tracker.sensor_doubt(drive.loops)
             result = with_consistency(result, consistency, tracker.motion_doubt, sensor_doubt)
         if drive.continued is not None and drawn is not None:
             result = with_drives(result, drive.continued, drawn)
