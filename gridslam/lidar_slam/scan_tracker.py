@@ -71,9 +71,8 @@ class ScanTracker:
         self.key_scans = PackedScans()
         self._sway_observer = SwayObserver()
         self.sway: Sway | None = None  # found by `remove_sway`
-        self._level_heights_m: dict[
-            str, float
-        ] = {}  # heights of the lidars above the base, NaN for tilted ones
+        # Heights of the lidars above the base, NaN for tilted ones
+        self._level_heights_m: dict[str, float] = {}
         # Height of the lidar at every scan, NaN if it is tilted or the scan is made from a cloud
         self._heights_m: list[float] = []
 

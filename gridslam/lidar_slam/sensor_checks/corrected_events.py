@@ -30,9 +30,8 @@ class CorrectedEvents:
         self._faults = faults
         self._corrector = OdometryCorrector(faults.odometry)
         self._later_bodies = LaterBodies()
-        self._early: deque[Event] = (
-            deque()
-        )  # corrected odometry, and other events that are later than the last scan
+        # Corrected odometry, and other events that are later than the last scan
+        self._early: deque[Event] = deque()
         late_s = [fault.lag_s for fault in faults.scans.lidars if fault.lag_s]
         self._ordered = StampOrder(round(max(0.0, *late_s) * 1e9)) if late_s else None
 

@@ -1,4 +1,4 @@
-"""Extrinsics of a lidar from the motions of the robot and of the lidar, for logs that lack them."""
+"""Finds the extrinsics of a lidar from the motions of the robot and of the lidar, for logs that lack them."""
 
 from __future__ import annotations
 
@@ -29,18 +29,21 @@ ERROR_FLOOR_M = 0.02
 
 @dataclass(frozen=True, slots=True)
 class ExtrinsicsCheck:
-    """Extrinsics of the only lidar of a log by its motion, and whether the log has others; None if they are not needed."""
+    """The extrinsics of the only lidar of a log, found by its motion; None if those of the log are right.
+
+    `is_misplaced`: the log has other extrinsics.
+    """
 
     corrected: Transform | None = None
     is_misplaced: bool = False
 
     @property
     def notes(self) -> list[str]:
-        """A line about a lidar that was placed."""
+        """A line about corrected extrinsics, if any."""
         return [] if self.corrected is None else [extrinsics_note(self.corrected, self.is_misplaced)]
 
     def applied_to(self, event: Event) -> Event:
-        """The transform of the lidar with its place; other events as they are."""
+        """The transform of the lidar with the corrected extrinsics; other events unchanged."""
         if self.corrected is None or not isinstance(event, Transform):
             return event
         return self.corrected if event.child_frame_id == self.corrected.child_frame_id else event
@@ -90,7 +93,7 @@ def moved_transform(stated: Transform, moved: Floats) -> Transform:
 def solve_extrinsics(moved: Floats, matched: Floats) -> Floats | None:
     """T_base_laser `(3,)` from motions `(n, 3)` of the base and of the lidar over the same times.
 
-    None where the lidar looks forward from near the centre, or where the motions give no clear place. It holds
+    None if the lidar looks forward from near the centre, or if the motions do not determine the extrinsics. It holds
     T_moved T_base_laser = T_base_laser T_matched; this is linear in the place and in the cosine and sine of the yaw.
     """
     turned_rad, rotation_error_rad = (

@@ -69,7 +69,7 @@ class LidarFault:
 
 
 def mirrored(scan: LaserScan) -> LaserScan:
-    """The scan with the bearings of its beams negated: of a lidar that hangs upside down, as they are from above."""
+    """The scan with negated bearings: as a lidar that hangs upside down would measure it the right way up."""
     return replace(scan, angle_min_rad=-scan.angle_min_rad, angle_increment_rad=-scan.angle_increment_rad)
 
 
@@ -107,7 +107,7 @@ def _disagreement(of: LidarPath, odometry: Trajectory) -> tuple[bool, bool, floa
 
 
 def _compared(first: str, other: str, paths: Mapping[str, LidarPath]) -> LidarFault | None:
-    """Contradiction of the path of another lidar with the first one's; None where they agree."""
+    """Contradiction between the path of another lidar and that of the first one; None if they agree."""
     path, other_path = paths[first], paths[other].path
     open_ns = np.concatenate([path.open_ns, paths[other].open_ns])
     windows = windows_of(path.path, other_path, open_ns)

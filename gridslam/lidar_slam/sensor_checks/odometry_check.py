@@ -17,10 +17,8 @@ from gridslam.lidar_slam.sensor_checks.stale_scans import StaleScans
 MIN_DISTANCE_M = 6.0  # distance by odometry that, with a rotation of MIN_ROTATION_RAD, is enough for a check
 # Largest number of scans that are held if the robot moves less, or if no lag is certain; it bounds memory and delay
 MAX_SCANS = 600
-STANDING_M, STANDING_RAD = (
-    0.3,
-    0.3,
-)  # a robot that has moved less still stands at its start, and shows nothing
+# A robot that has moved less still stands at its start, and shows nothing
+STANDING_M, STANDING_RAD = 0.3, 0.3
 MAX_STANDING_SCANS = 3000  # largest number of scans that are held until the robot moves
 
 
