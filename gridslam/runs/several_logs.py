@@ -44,6 +44,9 @@ def run_map_logs(
     done: list[Run] = []
     for path in log_paths:
         run = run_map(config, path, show, stop, inputs)
+        if done and run.status == "interrupted" and not run.result.files:  # before the log's first scan
+            done[-1] = replace(done[-1], status="interrupted")
+            break
         done.append(run)
         if run.status == "interrupted":
             break

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import BaseModel
 
 from gridslam.api import localize, map_log
 from gridslam.core.errors import ConfigError, InputError, MapError
 from gridslam.logs.config import LogConfig
 from gridslam.logs.convert import convert_log
 from gridslam.logs.open import open_log
+from gridslam.runs import several_logs
+from gridslam.runs.run import Run, run_map
+from gridslam.runs.run_config import RunConfig
 from tests.conftest import REPOSITORY
 
 LOG = REPOSITORY / "sample_logs" / "slam-sd.mcap"
@@ -75,3 +80,18 @@ def test_wrong_use_ends_with_a_clear_error(halves: list[Path], tmp_path: Path) -
         map_log([halves[0], halves[0]], "slam-sd")
     with pytest.raises(ConfigError, match="loop closure"):
         map_log(halves, "slam-sd", pose_graph={"enabled": False})
+
+
+def test_an_interruption_before_the_first_scan_of_a_drive_keeps_the_map_of_those_before(
+    halves: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run_but_the_second(config: RunConfig[BaseModel], path: Path, *others: Any) -> Run:
+        show, _, inputs = others
+        return run_map(config, path, show, lambda: path == halves[1], inputs)
+
+    alone = map_log(halves[0], "slam-sd")
+    monkeypatch.setattr(several_logs, "run_map", run_but_the_second)
+    found = map_log(halves, "slam-sd")
+    assert found.run.status == "interrupted"
+    np.testing.assert_array_equal(found.trajectory.stamps_ns, alone.trajectory.stamps_ns)
+    assert found.run.result.files == alone.run.result.files
