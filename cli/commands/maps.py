@@ -130,7 +130,7 @@ def merge(
     from gridslam.maps.load import load_any_map
 
     base, second = (load_any_map(path, MAX_CELLS) for path in (map_path, other))
-    T_base_other, rows = _alignment(base, second, pose)
+    T_base_other, rows = _overlap(base, second, pose)
     _save(merged(base, second, T_base_other), output, [map_path, other], mode=mode, force=force, rows=rows)
 
 
@@ -159,7 +159,7 @@ def compare(
     if picture is not None:
         check_output_file(picture, force, [*map_files(map_path), *map_files(other)])
     base, second = (load_any_map(path, MAX_COMPARED_CELLS) for path in (map_path, other))
-    T_base_other, _ = _alignment(base, second, pose)
+    T_base_other = _alignment(base, second, pose)
     found = compare_maps(base, second, T_base_other)
     figures = {
         "map.accuracy.mean": float(np.mean(found.accuracy_m)) if len(found.accuracy_m) else None,
@@ -234,19 +234,28 @@ app.command("compare")(common(compare))
 app.command("export")(common(export))
 
 
-def _alignment(
-    base: OccupancyGrid, other: OccupancyGrid, pose: str | None
-) -> tuple[NDArray[np.float64], list[tuple[str, str]]]:
-    """`T_base_other` (3,) as given or by registration, and rows that say so."""
-    if pose is not None:
-        return _numbers([pose], 3, "--pose")[0], [("pose", pose)]
+def _alignment(base: OccupancyGrid, other: OccupancyGrid, pose: str | None) -> NDArray[np.float64]:
+    """`T_base_other` (3,) of maps of one place, as given or by their walls."""
     from gridslam.evaluation.map_comparison import align_maps
 
-    found = align_maps(other, base)
-    x, y, yaw = found.T_truth_map.tolist()
-    return found.T_truth_map, [
+    found = align_maps(other, base).T_truth_map if pose is None else _numbers([pose], 3, "--pose")[0]
+    T_base_other: NDArray[np.float64] = found
+    return T_base_other
+
+
+def _overlap(
+    base: OccupancyGrid, other: OccupancyGrid, pose: str | None
+) -> tuple[NDArray[np.float64], list[tuple[str, str]]]:
+    """`T_base_other` (3,) of maps that overlap in part, as given or by walls and free space, and rows that say so."""
+    if pose is not None:
+        return _numbers([pose], 3, "--pose")[0], [("pose", pose)]
+    from gridslam.evaluation.map_comparison import overlap_of
+
+    found = overlap_of(other, base)
+    x, y, yaw = found.T_base_other.tolist()
+    return found.T_base_other, [
         ("pose", f"{x:.3f},{y:.3f},{yaw:.5f}"),
-        ("walls that agree", f"{100 * found.inlier_ratio:.0f} %"),
+        ("walls in free space of the other map", f"{100 * found.contradicted_ratio:.1f} %"),
     ]
 
 

@@ -10,6 +10,7 @@ from PIL import Image
 
 from gridslam.core.errors import InputError
 from gridslam.evaluation.map_errors import intersection_over_union, wall_distances
+from gridslam.evaluation.map_overlap import MapOverlap, register_overlapping
 from gridslam.evaluation.map_registration import MapRegistration, register_maps
 from gridslam.maps.editing import FREE_UP_TO, OCCUPIED_FROM, resampled
 from gridslam.maps.occupancy import OccupancyGrid
@@ -43,6 +44,21 @@ def align_maps(other: OccupancyGrid, base: OccupancyGrid) -> MapRegistration:
         )
     if found.is_ambiguous:
         raise InputError(f"two poses of the maps fit about as well: {hint}")
+    return found
+
+
+def overlap_of(other: OccupancyGrid, base: OccupancyGrid) -> MapOverlap:
+    """The pose of a map in another one that it overlaps in part. Raises InputError: it is not certain."""
+    found = register_overlapping(other, base)
+    if found is None:
+        raise InputError("a map has no walls: give the pose of the second one with --pose X,Y,YAW")
+    if not found.is_reliable:
+        x, y, yaw = found.T_base_other.tolist()
+        raise InputError(
+            f"how the maps lie on each other is not certain: of the walls of one {100 * found.contradicted_ratio:.1f} % lie in "
+            f"free space of the other in the best pose, {x:.3f},{y:.3f},{yaw:.4f}, and its score is {found.lead:.2f} times that "
+            "of the next one; if it is right, give it with --pose"
+        )
     return found
 
 

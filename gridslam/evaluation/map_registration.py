@@ -47,25 +47,19 @@ def register_maps(built: OccupancyGrid, truth: OccupancyGrid) -> MapRegistration
 
     Correlation of the walls over all yaw angles and shifts gives candidates; iterative closest points refine them.
     """
-    points, walls = _thinned(wall_points(built)), wall_points(truth)
+    points, walls = thinned(wall_points(built)), wall_points(truth)
     if not len(points) or not len(walls):
         return None
     from scipy.spatial import cKDTree
 
     tree = cKDTree(walls)
     found = [
-        _refined(start, points, walls=walls, tree=tree, trims_m=TRIM_M, iterations=ITERATIONS)
+        refined(start, points, walls=walls, tree=tree, trims_m=TRIM_M, iterations=ITERATIONS)
         for start in _coarse_candidates(points, walls)
     ]
     scores = [_agreement(pose, points, tree) for pose in found]
     best = found[int(np.argmax(scores))]
-    shift = NUDGE_CELLS * truth.geometry.resolution_m
-    starts = [best + np.array([shift * i, shift * j, 0.0]) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-    refined = [
-        _refined(start, points, walls=walls, tree=tree, trims_m=TRIM_M[-1:], iterations=LAST_ITERATIONS)
-        for start in starts
-    ]
-    pose = max(refined, key=lambda one: _agreement(one, points, tree))
+    pose = finely_refined(best, points, walls=walls, tree=tree, cell_m=truth.geometry.resolution_m)
     rivals = [
         score
         for other, score in zip(found, scores, strict=True)
@@ -75,7 +69,19 @@ def register_maps(built: OccupancyGrid, truth: OccupancyGrid) -> MapRegistration
     return MapRegistration(pose, float((distances <= INLIER_M).mean()), bool(rivals))
 
 
-def _thinned(points: Floats) -> Floats:
+def finely_refined(pose: Floats, points: Floats, walls: Floats, tree: Any, cell_m: float) -> Floats:
+    """The best pose `(3,)` around one that is right to a cell or two."""
+    shift = NUDGE_CELLS * cell_m
+    starts = [pose + np.array([shift * i, shift * j, 0.0]) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    found = [
+        refined(start, points, walls=walls, tree=tree, trims_m=TRIM_M[-1:], iterations=LAST_ITERATIONS)
+        for start in starts
+    ]
+    return max(found, key=lambda one: _agreement(one, points, tree))
+
+
+def thinned(points: Floats) -> Floats:
+    """At most `MAX_POINTS` of the points, evenly spaced."""
     step = max(-(-len(points) // MAX_POINTS), 1)
     return points[::step]
 
@@ -89,12 +95,12 @@ def _coarse_candidates(points: Floats, walls: Floats) -> list[Floats]:
     low, high = walls.min(axis=0), walls.max(axis=0)
     cell = max(float(max(2.0 * radius, *(high - low))) / MAX_COARSE_CELLS, MIN_COARSE_M)
     shape = tuple(int(np.ceil((extent + 2.0 * radius) / cell)) + 4 for extent in (high - low).tolist())
-    target = gaussian_filter(_histogram(walls - low + radius, cell, shape), 1.0)
+    target = gaussian_filter(histogram(walls - low + radius, cell, shape), 1.0)
     spectrum = np.fft.rfft2(target)
     scored: list[tuple[float, Floats]] = []
     for yaw in np.radians(np.arange(0.0, 360.0, YAW_STEP_DEG)).tolist():
         rotated = se2.transform_points(np.array([0.0, 0.0, yaw]), points - centre) + radius
-        image = _histogram(rotated, cell, shape)
+        image = histogram(rotated, cell, shape)
         correlation = np.fft.irfft2(spectrum * np.conj(np.fft.rfft2(image)), s=shape)
         index = int(np.argmax(correlation))
         shift = np.array(np.unravel_index(index, shape), np.float64)
@@ -111,7 +117,7 @@ def _coarse_candidates(points: Floats, walls: Floats) -> list[Floats]:
     return chosen
 
 
-def _histogram(points: Floats, cell: float, shape: tuple[int, ...]) -> Floats:
+def histogram(points: Floats, cell: float, shape: tuple[int, ...]) -> Floats:
     """1 in the cells that hold a point, `shape` in x and y."""
     image = np.zeros(shape)
     index = np.clip((points / cell).astype(np.int64), 0, np.array(shape) - 1)
@@ -119,7 +125,7 @@ def _histogram(points: Floats, cell: float, shape: tuple[int, ...]) -> Floats:
     return image
 
 
-def _refined(
+def refined(
     pose: Floats, points: Floats, walls: Floats, tree: Any, trims_m: Sequence[float], iterations: int
 ) -> Floats:
     """Iterative closest points with correspondences trimmed to smaller and smaller distances."""
