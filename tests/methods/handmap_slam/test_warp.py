@@ -46,7 +46,12 @@ def test_a_run_is_lost_if_all_of_its_path_may_lie_elsewhere_in_the_drawing_and_s
     )
     doubtful = np.arange(places) < doubtful_places
     warp = DrawingWarp(
-        graph, np.zeros((places, 5)), cost_per_place=3.0, deformation_per_place=0.2, doubtful=doubtful
+        graph,
+        np.zeros((places, 5)),
+        cost_per_place=3.0,
+        deformation_per_place=0.2,
+        contradictions_per_place=0.3,
+        doubtful=doubtful,
     )
     doubt = doubt_about(warp)
     assert (doubt and doubt.status) == status

@@ -8,10 +8,15 @@ import pytest
 from gridslam.kernels.drawings.drawn_field import crossed_segments
 from gridslam.maps.drawings.drawing import Drawing, DrawnMap, drawn_map
 from gridslam.methods.handmap_slam.warp.block_matrix import BlockMatrix
-from gridslam.methods.handmap_slam.warp.contradictions import CROSSED_COST, UNSEEN_COST, DrawingContradictions
+from gridslam.methods.handmap_slam.warp.contradictions import (
+    CROSSED_COST,
+    FOLDED_COST,
+    UNSEEN_COST,
+    DrawingContradictions,
+)
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph
-from gridslam.methods.handmap_slam.warp.search import Known, PlaceLineage
+from gridslam.methods.handmap_slam.warp.search import RESCALED, Known, PlaceLineage, rescaled
 
 
 def chain(places: int) -> PlaceGraph:
@@ -93,3 +98,25 @@ def test_a_fit_that_leads_through_a_wall_and_leaves_half_of_the_drawing_over_cos
     assert 0.5 < unseen < 1.0
     assert against.cost(states) == pytest.approx(UNSEEN_COST * 4 * unseen)
     assert against.cost(across) >= CROSSED_COST
+
+
+def test_a_fit_that_lays_one_part_of_the_map_over_another_costs_more_and_names_both() -> None:
+    graph = chain(10)
+    against = DrawingContradictions(graph, DrawnEvidence(corridor_with_a_wall_across()))
+    states = np.zeros((10, 5))
+    states[:, :2] = graph.centres * 0.4 + np.array([2.0, 3.0])
+    states[:, 3:] = np.log(0.4)
+    folded = states.copy()
+    folded[7:, 0] = states[2:5, 0]  # five metres of the map are at no distance in the drawing
+    assert not against.folded(states).any()
+    assert np.flatnonzero(against.folded(folded)).tolist() == [2, 3, 4, 7, 8, 9]
+    assert against.cost(folded) - against.cost(states) > 0.5 * 6 * FOLDED_COST
+
+
+def test_some_particles_draw_what_follows_at_another_scale_in_the_same_place() -> None:
+    states = np.tile(np.array([3.0, 4.0, 0.5, 0.1, 0.2]), (4000, 1))
+    after = rescaled(states, np.random.default_rng(0))
+    np.testing.assert_array_equal(after[:, :3], states[:, :3])
+    changed = (after[:, 3:] != states[:, 3:]).any(axis=1)
+    assert changed.mean() == pytest.approx(RESCALED, abs=0.02)
+    assert np.abs(after[changed, 3:] - states[changed, 3:]).max() > np.log(2.0)

@@ -125,6 +125,10 @@ class Refinement:
         costs = EDGE_WEIGHT * 0.5 * JUMP**2 * np.log1p(squares).sum(axis=1)
         return np.asarray(np.bincount(self._edges.ends.ravel(), np.repeat(0.5 * costs, 2), len(states)))
 
+    def folded(self, states: Floats) -> Mask:
+        """Mask `(p,)` of the places in whose free space another part of the map lies in the drawing."""
+        return self._contradictions.folded(states)
+
     def min_information(self, states: Floats) -> Floats:
         """The information on the position that the walls about each place give, `(p,)` in 1 / m^2, in its weakest direction."""
         weight, equations = self._view_equations(states, SIGMAS_M[-1])[0]

@@ -34,6 +34,9 @@ REGIONS = (
     ("cost", 0.4, "exits"),
     ("distance", 30.0, "entry"),
 )
+FOLD_PRIORITY = (
+    4.0  # added to the cost of places in a fold when regions are chosen: as much as a bad fit costs
+)
 GROWN_M = 6.0  # distance by which a region reaches beyond the costly places
 MAX_RADIUS_M = 45.0
 SMOOTHING_M = 6.0
@@ -90,7 +93,8 @@ class Repair:
                 break
             if quiet >= HOPELESS_QUIET and cost > HOPELESS_COST:
                 break
-            costs = self._near @ self.best.place_costs
+            folds = FOLD_PRIORITY * self._problem.folded(self.best.states)
+            costs = self._near @ (self.best.place_costs + folds)
             kind, extent, searched_from = REGIONS[count % len(REGIONS)]
             region = self._region(int(np.argmax(costs * priority)), costs, kind, extent)
             priority[region] *= TRIED
@@ -190,13 +194,13 @@ class Repair:
     @property
     def doubtful(self) -> Mask:
         """The places `(p,)` that do not fit, or would fit about as well elsewhere."""
-        more = self.alternatives()
-        nearby = self._nearby_costs()
+        more, states = self.alternatives(), self.best.states
         limit = np.minimum(GOOD_COST + PER_ALTERNATIVE * more, MAX_COST)
-        states = self.best.states
         fixed = self._problem.min_information(states) > MIN_INFORMATION
         plain = unlocated_stretches(fixed, states[:, 3:], self._distances)
-        return np.asarray((nearby > limit) | (more < AS_GOOD) | plain)
+        folded = self._problem.folded(states)
+        folded |= (self._distances[folded] < GROWN_M).any(axis=0)
+        return np.asarray((self._nearby_costs() > limit) | (more < AS_GOOD) | plain | folded)
 
 
 def slid(states: Floats, region: Mask, distances: Floats) -> list[Floats]:

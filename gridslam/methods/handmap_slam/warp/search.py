@@ -26,6 +26,8 @@ THINNED = 2  # every second point is used
 TRANSLATION_PER_M = 0.1
 ROTATION_STD, WIDE_ROTATION_STD = 0.04, 0.12  # standard deviations of the rotation, rad per root metre
 SCALE_STD, WIDE_SCALE_STD = 0.04, 0.15  # standard deviations of log scales per root metre
+# Fraction of the particles that draw what follows at another scale, and the std of the change of its log scales
+RESCALED, RESCALED_STD = 0.1, 0.4
 SCALE_BOUND = 0.5  # std of a place's log scales about those of the start
 SCALE_BOUND_WEIGHT = 0.05  # weight of that prior at each place: it is the same prior at all of them
 LOOP_M = 0.4  # std of the distance at which two edges to one place may contradict each other
@@ -81,7 +83,7 @@ def find_places(
             parent = max(parent, 0)  # a place that no earlier one sees is predicted from the first
             offset = graph.centres[place] - graph.centres[parent]
             before = np.broadcast_to(lineage.at(parent), (n, 5))
-            here = predict_place(before, offset, scope.wide, rng)
+            here = predict_place(rescaled(before, rng), offset, scope.wide, rng)
             log_weights -= CROSSED * evidence.crossed(before[:, :2], here[:, :2])
         lineage.add(place, here)
         log_weights += scope.view_weight * evidence.log_likelihood(
@@ -176,6 +178,14 @@ def predict_place(before: Floats, offset: Floats, wide_fraction: float, rng: np.
     after[:, :2] = to_drawing(half_rotated, moved)
     after[:, 2] = se2.wrap_angle(before[:, 2] + rotation)
     after[:, 3:] = half_rotated[:, 3:]
+    return after
+
+
+def rescaled(states: Floats, rng: np.random.Generator) -> Floats:
+    """States `(n, 5)`, some with very different scales: a room may be drawn at half the scale of the corridor before it."""
+    changed = rng.random(len(states)) < RESCALED
+    after = states.copy()
+    after[changed, 3:] += RESCALED_STD * rng.standard_normal((int(changed.sum()), 2))
     return after
 
 

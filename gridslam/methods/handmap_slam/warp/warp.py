@@ -30,8 +30,8 @@ from gridslam.methods.handmap_slam.warp.search import (
 
 Floats = NDArray[np.float64]
 
-GOOD_COST = 4.2  # cost of a place above which the search is repeated
-SEARCHES = (CAREFUL, WIDE, CAREFUL, WIDE)
+# The searches in turn, each with the cost of a place above which it is made: one alone misses one drawing in twenty
+SEARCHES = ((CAREFUL, 0.0), (WIDE, 3.4), (CAREFUL, 4.2), (WIDE, 4.2))
 HYPOTHESES = 4  # refined, of each search
 ANNEALING = (0.05, 0.1, 0.2, 0.35)
 START_PARTICLES = 12000
@@ -39,9 +39,10 @@ START_JITTER = 0.3
 # A drawing of the place is about as large as the map, or larger: std of its log scale above that. One view alone is matched best
 # at a scale that is too large, where there are walls everywhere.
 EXTENT_STD = 0.15
-# A drawing of another place is laid over a map as well where it may be deformed enough: by 0.36 to 1.2 a place, right ones by 0.1
-# to 0.3 (drawings 100 to 232). Their costs overlap, the misfits do not: 4.8 at most, 5.9 at least.
-DEFORMATION_WEIGHT, MAX_MISFIT = 2.0, 5.3
+# A drawing of another place is laid over a map as well where it may be deformed enough, and leads the robot through walls: its
+# contradictions cost 0.86 to 2.4 a place, those of right drawings 0.6 at most (drawings 0 to 24, 100 to 149, 200 to 239). Their
+# costs overlap, the misfits do not: 6.4 at most, 7.7 at least.
+DEFORMATION_WEIGHT, CONTRADICTION_WEIGHT, MAX_MISFIT = 2.0, 3.0, 7.0
 BLEND_M = 0.7  # places are blended with weights that fall off at this distance
 
 
@@ -56,12 +57,17 @@ class DrawingWarp:
     states: Floats
     cost_per_place: float
     deformation_per_place: float  # the part of the cost that is for changes from a place to its neighbours
+    contradictions_per_place: float  # cost of walls passed, drawn walls not mapped, and folds
     doubtful: NDArray[np.bool_]
 
     @property
     def misfit(self) -> float:
-        """The cost of a place, with what the drawing had to be deformed for it counted more than once."""
-        return self.cost_per_place + DEFORMATION_WEIGHT * self.deformation_per_place
+        """The cost of a place, with what the drawing had to be deformed for it counted more than once, and its contradictions."""
+        return (
+            self.cost_per_place
+            + DEFORMATION_WEIGHT * self.deformation_per_place
+            + CONTRADICTION_WEIGHT * self.contradictions_per_place
+        )
 
     @property
     def fits(self) -> bool:
@@ -121,17 +127,23 @@ def warp_of(
     problem = Refinement(graph, evidence)
     fits: list[Fitted] = []
     everywhere = np.ones(len(graph.centres), np.bool_)
-    for scope in SEARCHES:
+    for scope, above_cost in SEARCHES:
+        if fits and min(fits, key=lambda fit: fit.cost).cost_per_place <= above_cost:
+            break
         start = _annealed(states, log_prior, graph, evidence, rng)
         lines = find_places(graph, evidence, start, rng, scope=scope)
         fits += [problem.fit(line) for line in distinct(lines, everywhere, HYPOTHESES)]
-        best = min(fits, key=lambda fit: fit.cost)
-        if best.cost_per_place < GOOD_COST:
-            break
     repair = Repair(graph, evidence, problem, fits, rng)
     best = repair.best
     deformation = float(problem.deformation_costs(best.states).mean())
-    return DrawingWarp(graph, best.states, best.cost_per_place, deformation, repair.doubtful)
+    return DrawingWarp(
+        graph,
+        best.states,
+        cost_per_place=best.cost_per_place,
+        deformation_per_place=deformation,
+        contradictions_per_place=best.contradictions / len(best.states),
+        doubtful=repair.doubtful,
+    )
 
 
 def _max_log_scale(drawn: DrawnMap, graph: PlaceGraph) -> float:
