@@ -195,19 +195,11 @@ def _refine(
     visits = register_visits(at, fine.joint, clouds, first_query)
     earlier = fine.between_segments(Edges.concatenate([known.visits, known.landmarks]))
     is_earlier = earlier.target < first_query
-    edges = Edges.concatenate([fine.chains(drift), earlier.select(is_earlier), visits])
-    if not (len(visits) and _is_connected(edges, len(at))):
-        edges = Edges.concatenate([edges, fine.between_segments(known.loops)])
+    # Loops as well: where a drive is registered in few places, it would drift between these
+    loops = fine.between_segments(known.loops)
+    edges = Edges.concatenate([fine.chains(drift), earlier.select(is_earlier), visits, loops])
     at, _ = optimise(at, edges, ROBUST_SCALE)
     return fine.deformed(at), fine.between_key_scans(visits)
-
-
-def _is_connected(edges: Edges, nodes: int) -> bool:
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    links = coo_matrix((np.ones(len(edges)), (edges.source, edges.target)), shape=(nodes, nodes))
-    return int(connected_components(links, directed=False)[0]) == 1
 
 
 def _select(session: Session, members: Ints) -> Session:
