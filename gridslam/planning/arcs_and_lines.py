@@ -42,12 +42,12 @@ logger = logging.getLogger(__name__)
 
 # Extra cost of a metre right beside an obstacle; each weight gives one guide path
 OBSTACLE_WEIGHTS = (0.0, 1.5, 6.0)
-SAME_GUIDE_PATH_M = 1e-3
+SAME_GUIDE_PATH_M = 1e-3  # guide paths whose poses differ by less (m, rad) are the same
 SAME_PLACE_M = 1e-6
-# These bound the time of a plan: a longer guide path gets one candidate only, with one pass of improvement, or none
+# To bound the time of a plan, a longer guide path gets one candidate only, with one pass of improvement, or without any
 LONG_PATH_M = 500.0
 VERY_LONG_PATH_M = 1000.0
-# Motions of a long path improved together. Compared with 120, planning takes a third of the time, driving the path 2 % longer
+# Motions of a long path improved together. Compared with 120, planning takes a third of the time, and driving 2 % more
 LONG_PATH_MOTIONS = 40
 GOAL_YAWS = 8  # headings tried at a goal whose yaw is free
 
@@ -81,10 +81,10 @@ def plan_path(
 
     A goal yaw of NaN is free. `report` is called several times a second with the number of poses that the current search has
     found. In a map with more than `large_maps.MAX_CELLS` cells, the path is planned in a window around start and goal and,
-    if there is none, in the whole map with larger cells.
+    if there is no path in it, in the whole map with larger cells.
 
-    Raises MethodError, which names the cause: a pose is blocked or off the map, obstacles separate the two, or the robot cannot
-    reach a heading.
+    Raises MethodError, which names the cause: start or goal is blocked or off the map, obstacles separate them, or the robot
+    cannot reach a heading.
     """
     options = options or PlanOptions()
     start, goal = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
@@ -133,7 +133,7 @@ def _plan_in(
 
 
 def _is_pose_free(space: Space, pose: Floats) -> bool:
-    """Whether the robot keeps its margin at a pose; with a free yaw (NaN), whether its inner disc does."""
+    """Whether the robot keeps its margin at a pose in the space's frame; with a free yaw (NaN), whether its inner disc does."""
     radius_m = max(space.inner_radius_m, MIN_DISC_RADIUS_M)
     world = space.world if np.isfinite(pose[2]) else space.world_for_disc(radius_m)
     x, y, yaw = np.nan_to_num(pose)
@@ -153,7 +153,7 @@ class _PathPlanner:
         self.found: list[tuple[PathCandidate, Floats]] = []
 
     def plan(self) -> PlannedPath:
-        """The fastest of all candidates. Raises MethodError: there is none."""
+        """The fastest of all candidates. Raises MethodError if there is none."""
         difference = self.goal - self.start
         if self.options.turn_on_spot and np.hypot(*difference[:2]) < SAME_PLACE_M:
             turn_on_spot_alone = np.array([[*self.start, 0.0, 0.0, wrap_angle(difference[2])]])
@@ -184,7 +184,7 @@ class _PathPlanner:
             if self.found and _is_long(guide_path):
                 return
         if self.options.min_radius_m == 0.0 and len(guide_path) > 1:
-            corners = self.refiner.polyline(guide_path[:, :2], self.start, self.goal)
+            corners = self.refiner.along_polyline(guide_path[:, :2], self.start, self.goal)
             self._keep(f"{name}, turning at corners", corners)
 
     def _keep(self, name: str, parts: Floats | None) -> None:
@@ -195,9 +195,9 @@ class _PathPlanner:
             self.found.append((candidate, parts))
 
     def _path(self, cost: Costs, guide_path: Floats, turns_on_spot: bool, is_first: bool) -> Floats | None:
-        """The refined path `(n, 6)` along a guide path, with or without turns on the spot at its ends; None if there is none.
+        """The refined path `(n, 6)` along a guide path, with or without turns on the spot at its ends; None if none is found.
 
-        Raises MethodError instead: `is_first`, and the robot may not turn on the spot, so that the cause is worth reporting.
+        If `is_first` and the robot may not turn on the spot, no other candidate may follow: MethodError is raised with the cause.
         """
         start, goal = self.start.copy(), self.goal.copy()
         if turns_on_spot:

@@ -1,8 +1,8 @@
 """Observation points: few places from which all walls of a drawing are visible (handmap-slam, paper section 3.1).
 
-The randomized art gallery: candidates are scattered over free space, ray casting lists the wall cells visible from each, and the
-greedy cover repeatedly takes the candidate with the most walls not covered yet. Its size is within ln(n) + 1 of the minimum
-cover (Chvatal 1979).
+The randomized art gallery: candidates are scattered over free space, ray casting lists the wall cells visible from each, and a
+greedy cover repeatedly takes the candidate that sees the most uncovered wall cells. Its size is at most ln(n) + 1 times that of the
+minimum cover of n wall cells (Chvatal 1979).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Gallery:
     owners: NDArray[np.int64]
 
     def visible_from(self, points: Floats, max_range: float) -> Cells:
-        """Whether each wall cell is visible from each point within `max_range` cells, `(p, n)`."""
+        """Mask `(p, n)` of the wall cells that are visible within `max_range` cells from each of the `points` `(p, 2)` (x, y)."""
         places = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
         return np.asarray(
             visible_faces(
@@ -69,7 +69,7 @@ def gallery_of(walls: Cells, free: Cells) -> Gallery:
 def choose_observation_points(
     gallery: Gallery, standable: Cells, max_range: float, count: int, rng: np.random.Generator
 ) -> ObservationPoints:
-    """Points, of `count` candidates on the standable cells `(rows, cols)`, that cover all walls visible from any candidate."""
+    """Points that together see all walls visible from any of `count` random candidates on the standable cells `(rows, cols)`."""
     candidates = scatter(standable, count, rng)
     visible = gallery.visible_from(candidates, max_range)
     chosen = greedy_cover(visible)
@@ -85,7 +85,7 @@ def scatter(standable: Cells, count: int, rng: np.random.Generator) -> Floats:
 
 
 def greedy_cover(visible: Cells) -> NDArray[np.int64]:
-    """Rows of `visible` `(p, n)` that together cover every column that any row covers; of equals the first."""
+    """Indices of rows of `visible` `(p, n)` that together cover every column that any row covers; ties go to the first row."""
     uncovered = visible.any(axis=0)
     counts = visible.sum(axis=1)
     chosen: list[int] = []

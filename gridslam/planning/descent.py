@@ -1,8 +1,8 @@
-"""Paths by steepest descent on a cost-to-go field with obstacle costs (handmap-slam, paper section 4). Lengths are cells.
+"""Paths by steepest descent on a cost-to-go field with obstacle costs (handmap-slam, paper section 4). Lengths are in cells.
 
-The field comes from fast marching, so that the path is straight in any direction. `motion_search` has another kernel for the
-cost-to-go: it needs a chain of neighbouring cells with room for the robot, exact to the corner of a cell, to pull a string
-along. Dijkstra over 8 neighbours gives that chain; a descent between cells does not.
+The field comes from fast marching, so that the path is straight in any direction. `motion_search` computes its cost-to-go with
+another kernel, by Dijkstra over 8 neighbours: pulling a path taut needs a chain of neighbouring cells with exact clearance, which
+a descent between cell centres does not give.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Cells = NDArray[np.bool_]
 
 MIN_SPAN = 1e-6  # smallest span of the inflation, against division by zero
 MAX_POINTS_PER_SIDE = 4  # largest number of points of a descent, in units of rows + cols
-DESCENT_STEP = 0.5
+DESCENT_STEP = 0.5  # distance between points of a descent
 SEARCH_MARGIN = 20.0  # the front goes on this far beyond the robot, so that gradients around it are known
 
 
@@ -48,7 +48,7 @@ def cell_costs(distance: NDArray[np.float32], inflation: Inflation) -> NDArray[n
 def cost_to_go(
     cell_cost: NDArray[np.float32], goals: NDArray[np.int64], start: tuple[int, int]
 ) -> NDArray[np.float32]:
-    """Cost `(rows, cols)` from every cell to the nearest goal `(k, 2)` (row, col), computed slightly farther than `start`."""
+    """Cost `(rows, cols)` from each cell to the nearest of the `goals` `(k, 2)` (row, col), up to SEARCH_MARGIN beyond `start`."""
     rows, cols = cell_cost.shape
     flat = np.ravel_multi_index((goals[:, 0], goals[:, 1]), cell_cost.shape).astype(np.int64)
     stop = start[0] * cols + start[1] if 0 <= start[0] < rows and 0 <= start[1] < cols else -1
@@ -56,7 +56,7 @@ def cost_to_go(
 
 
 def descend_cost_to_go(cost: NDArray[np.float32], start_xy: tuple[float, float]) -> Floats:
-    """Path `(n, 2)` (x, y) downhill from a point to where the cost is 0; only the point itself if there is no path."""
+    """Path `(n, 2)` (x, y in cells) downhill from a point to where the cost is 0; only the point itself if there is no path."""
     return np.asarray(
         descend_costs(cost, start_xy[0], start_xy[1], DESCENT_STEP, MAX_POINTS_PER_SIDE * sum(cost.shape))
     )

@@ -11,7 +11,7 @@ from gridslam.kernels.planning.wheel_window import free_distances
 
 Floats = NDArray[np.float64]
 
-STANDING_MPS = 1e-9  # slower is standing still or turning on the spot
+STANDING_MPS = 1e-9  # below this forward speed the robot stands still or turns on the spot
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,9 +26,9 @@ def disc(radius_m: float) -> Floats:
 def cover_polygon(corners: Floats) -> Floats:
     """Discs `(n, 3)` (x, y, radius; m, robot frame) that together cover a convex polygon `(m, 2)`.
 
-    They extend beyond it by about a tenth of its smaller extent at most, so a pose that is free for the discs is free for the
-    polygon. The greedy cover takes the disc with the most samples not covered yet. Raises ConfigError if the corners are not a
-    convex polygon around the origin.
+    They extend beyond it by at most about a tenth of its smaller extent. A pose that is free for the discs is free for the
+    polygon. The greedy cover repeatedly takes the disc that covers the most uncovered samples. Raises ConfigError if the corners
+    (m, robot frame) are not a convex polygon around the origin.
     """
     corners = _counter_clockwise(corners)
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -50,7 +50,7 @@ def cover_polygon(corners: Floats) -> Floats:
 
 
 def _counter_clockwise(corners: Floats) -> Floats:
-    """The corners in counter-clockwise order, checked."""
+    """The corners `(m, 2)` in counter-clockwise order. Raises ConfigError if they are not a convex polygon around the origin."""
     corners = np.asarray(corners, dtype=np.float64)
     is_valid = (
         corners.ndim == 2 and 3 <= len(corners) <= MAX_CORNERS and (np.abs(corners) <= MAX_CORNER_M).all()

@@ -7,16 +7,15 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-SPACING_M = 0.4
-SAME_CORNER_M = 1e-6
-SAME_CORNER_M = SAME_CORNER_M
+SPACING_M = 0.4  # largest distance between consecutive poses
+SAME_CORNER_M = 1e-6  # consecutive corners closer than this are merged
 
 
 def poses_along_polyline(corners: Floats) -> Floats:
-    """Poses `(n, 3)` along the lines between corners `(m, 2)`, at most 0.4 m apart.
+    """Poses `(n, 3)` along the lines between corners `(m, 2)` (m), at most SPACING_M apart.
 
-    On a line the yaw is the line's; at a corner it is half way between those of its two lines. The first and the last pose have
-    the yaw of the first and the last line. Repeated corners are merged.
+    On a line the yaw is that of the line; at a corner it is half-way between the yaws of the two lines. The first and the last
+    pose have the yaw of the first and the last line. Repeated corners are merged.
     """
     kept = np.concatenate([[True], np.hypot(*np.diff(corners, axis=0).T) > SAME_CORNER_M])
     points = corners[kept]

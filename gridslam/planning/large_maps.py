@@ -17,9 +17,9 @@ OCCUPIED, FREE = 1.0, 0.0
 
 
 def window_around(occupancy: OccupancyGrid, start: Floats, goal: Floats) -> OccupancyGrid | None:
-    """The part of a map around start and goal (x, y; m, map frame), or None if it has more than MAX_CELLS cells.
+    """The part of a map around start and goal `(3,)` (m, rad; map frame), WINDOW_MARGIN_M wider on each side.
 
-    None also if a pose lies outside the map.
+    None if it has more than MAX_CELLS cells, or if start or goal lies outside the map.
     """
     geometry = occupancy.geometry
     cells = geometry.cells(np.array([start[:2], goal[:2]]))
@@ -39,7 +39,7 @@ def window_around(occupancy: OccupancyGrid, start: Floats, goal: Floats) -> Occu
 
 
 def coarsened(occupancy: OccupancyGrid, occupied_from: float) -> OccupancyGrid:
-    """The map in cells as large as needed for MAX_CELLS of them.
+    """The map in larger cells, so that it has at most MAX_CELLS of them.
 
     A coarse cell is occupied if any of its cells is (P > `occupied_from`), otherwise unknown if any is unknown. So a path that
     is free on the coarse map is free on the original one.

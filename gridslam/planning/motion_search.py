@@ -29,9 +29,11 @@ Floats = NDArray[np.float64]
 Costs = NDArray[np.float32]
 Report = Callable[[int], None]
 
-# Clearance beyond the required one from which cells cost no more: in passages up to 1.2 m wider the path keeps to the middle.
+# Cells with more than this clearance beyond the required one have no extra cost: in passages up to twice as much wider than the
+# robot and its margin, the path keeps to the middle.
 INFLATION_RADIUS_M = 0.6
-SEARCH_FACTOR = 1.3  # the cost-to-go extends to cells that cost this much more than the start
+SEARCH_FACTOR = 1.3  # the cost-to-go extends to cells with up to this many times the cost of the start
+# Largest number of states of one search
 FIRST_SEARCH_STATES = 100_000
 BACKWARD_SEARCH_STATES = 1_000_000
 LAST_SEARCH_STATES = 3_000_000
@@ -48,21 +50,21 @@ OPPOSITE_HEADING = np.array([0.0, 0.0, np.pi])
 
 
 def no_report(states: int) -> None:
-    """Ignore the progress."""
+    """A `Report` that ignores the progress."""
 
 
 class SearchResult(NamedTuple):
-    """FOUND, EXHAUSTED or TOO_MANY, and the motions `(n, 2)` (length, curvature)."""
+    """FOUND, EXHAUSTED or TOO_MANY, and the motions `(n, 2)` (length in m, curvature in 1/m), none unless FOUND."""
 
     status: int
     motions: Floats
 
 
 class MotionSearch:
-    """Searches between two poses of one space (its own frame); a goal yaw of NaN is free.
+    """Searches for paths from `start` to `goal` `(3,)`, both in the frame of `space`; a goal yaw of NaN is free.
 
-    `report` is called several times a second with the number of states found by the current search. All searches together have
-    at most `max_states` states.
+    A state of a search is a pose that it has reached. `report` is called several times a second with the number of states of the
+    current search. All searches together have at most `max_states` states.
     """
 
     def __init__(
@@ -85,9 +87,10 @@ class MotionSearch:
         self._clearance_m = max(space.inner_radius_m, MIN_DISC_RADIUS_M) + space.margin_m
 
     def cost_to_go(self, obstacle_weight: float, whole_map: bool = False, from_start: bool = False) -> Costs:
-        """Cost (m) to the goal from the cells around the shortest path, or from the whole map; `from_start`: to the start.
+        """Cost `(rows + 2, cols + 2)` (m) to the goal, or `from_start` to the start, from the cells of the space.
 
-        Raises MethodError if no path connects start and goal.
+        Only the cells around the shortest path have finite costs, or with `whole_map` all that are connected. `obstacle_weight` is
+        the extra cost of a metre beside an obstacle. Raises MethodError if no path connects start and goal.
         """
         space = self._space
         cols = space.blocked.shape[1]
@@ -108,7 +111,10 @@ class MotionSearch:
         return cost
 
     def guide_path(self, cost: Costs) -> Floats:
-        """Poses `(n, 3)` along the taut polyline from start to goal that descends the cost-to-go."""
+        """Poses `(n, 3)` from start to goal along the polyline that descends the cost-to-go, pulled taut.
+
+        Raises MethodError if it is longer than the planner's limit.
+        """
         space = self._space
         row, col = space.nearest_open_cell(self._start, self._clearance_m)
         cells = descend(cost, row * cost.shape[1] + col)
@@ -122,10 +128,11 @@ class MotionSearch:
     def motions(
         self, start: Floats, goals: Floats, guide_path: Floats, cost: Costs, is_required: bool
     ) -> Floats | None:
-        """Motions `(n, 2)` from the start to one of the goals; None if a short search fails and none is required.
+        """Motions `(n, 2)` from `start` to one of the `goals` `(k, 3)`; None if the first search fails and no path is required.
 
-        A required search that fails raises MethodError. A long search starts only if both ends can be left: from a goal whose
-        heading leads out of a wall few poses can be reached backwards, so that search ends soon.
+        If a path is required, longer searches follow, and MethodError is raised if all fail. The longest one starts only after a
+        search backwards from the goal: if the goal's heading points away from a wall just behind it, few poses can be reached
+        backwards, and that search soon proves that there is no path.
         """
         result = self._search(start, goals, guide_path, cost, max_states=FIRST_SEARCH_STATES)
         if result.status == FOUND or not is_required:
@@ -149,7 +156,7 @@ class MotionSearch:
 
     @property
     def _is_spent(self) -> bool:
-        """Whether there is no room for more states."""
+        """Whether another search might exceed `max_states`."""
         return self.states + MAX_NEW_STATES > self._max_states
 
     def _unreachable(self, name: str, pose: Floats) -> Exception:
@@ -157,7 +164,7 @@ class MotionSearch:
         return unreachable_heading(name, in_map, self.radius_m, self._options.reverse)
 
     def _search_from_goal(self, start: Floats, goal: Floats, guide_path: Floats) -> SearchResult:
-        """The same search from the goal, with all headings reversed: the path found is driven the other way round."""
+        """A search from the goal to the start with all headings reversed; its path is returned from start to goal."""
         ends = np.stack([goal, start]) + OPPOSITE_HEADING
         result = self._search(
             ends[0],
@@ -178,6 +185,7 @@ class MotionSearch:
         max_states: int,
         is_fine: bool = False,
     ) -> SearchResult:
+        """One hybrid A* search with at most `max_states` states; `is_fine` uses short arcs and small bins."""
         if self._is_spent:
             return SearchResult(TOO_MANY, np.zeros((0, 2)))
         max_states = int(min(max_states, self._max_states - self.states))

@@ -59,7 +59,7 @@ def obstacle_cells(
 
 
 def close_passages(obstacles: Cells, resolution_m: float, robot_radius_m: float = ROBOT_RADIUS_M) -> Cells:
-    """The obstacles, and every cell that a disc of the robot's radius covers from no free place (paper section 2.5).
+    """The obstacles, and every cell that the robot's disc cannot cover without touching one (paper section 2.5).
 
     This is the morphological closing of the obstacles with the robot's disc, by exact distances between cell centres. Space
     beyond the grid's edge is free.
@@ -153,8 +153,8 @@ def _gaps(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Free width (m) to the nearest other region and that region's label, both indexed by label.
 
-    Where cells nearest to one region border on cells nearest to another, the two obstacle cells behind them are a candidate for
-    the closest pair; the width is that between the two squares.
+    Where a cell nearest to one region borders on a cell nearest to another, the two obstacle cells nearest to them are a candidate
+    for the closest pair; the width is the distance between their squares.
     """
     gaps = np.full(count + 1, np.inf)
     nearest = np.zeros(count + 1, np.int64)

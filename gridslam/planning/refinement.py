@@ -17,18 +17,18 @@ from gridslam.planning.travel_time import ZERO, SpeedLimits, parts_of, travel_ti
 Floats = NDArray[np.float64]
 
 RADIUS_FACTORS = (1.0, 2.0, 4.0)  # radii of shortcuts, in units of the smallest radius
-SPACING_M = 0.5  # distance of the joints that shortcuts connect
-MAX_JOINTS_AHEAD = 40
+SPACING_M = 0.5  # distance between the joints that shortcuts connect
+MAX_JOINTS_AHEAD = 40  # largest number of joints from one end of a shortcut to the other
 INITIAL_STEP_M, FINAL_STEP_M = 0.64, 0.005  # steps of the local search over circles
 SAME_YAW_RAD = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Refiner:
-    """Improves paths of one robot in one space.
+    """Improves paths of one robot in one space; all poses are in the frame of `space`.
 
-    `radius_m` is the smallest radius of its arcs, 0 if it turns on the spot anywhere; `search_radius_m` is that of the given
-    motions.
+    `radius_m` is the smallest radius of the robot's arcs, 0 if it turns on the spot anywhere; `search_radius_m` is the smallest
+    radius of the motions to improve.
     """
 
     space: Space
@@ -36,13 +36,16 @@ class Refiner:
     search_radius_m: float
     limits: SpeedLimits
     passes: int = 2  # number of passes of shortcuts and local search
-    max_motions: int = 120  # improved at once: the local search takes time with the square of their number
+    max_motions: int = (
+        120  # improved at once: the time of the local search grows with the square of their number
+    )
 
     def refine(self, motions: Floats, first_pose: Floats, start: Floats, goal: Floats) -> Floats:
-        """Parts `(m, 6)` from `start` to `goal` that take less time than the motions `(n, 2)` from `first_pose`.
+        """Parts `(m, 6)` from `start` to `goal` that take at most the time of the motions `(n, 2)` (length, curvature).
 
-        Negative lengths are driven backwards. The robot turns on the spot at the start if the yaws of `first_pose` and `start`
-        differ, and at the goal if the last pose of the motions and `goal` do. A goal yaw of NaN is free.
+        The motions lead from `first_pose`; negative lengths are driven backwards. The robot turns on the spot at the start if the
+        yaw of `first_pose` differs from that of `start`, and at the goal if the yaw at the end of the motions differs from that of
+        `goal`. A goal yaw of NaN is free.
         """
         refined = []
         runs = _split_into_runs(motions, self.max_motions)
@@ -54,13 +57,16 @@ class Refiner:
             first_pose = end
         return np.vstack(refined)
 
-    def polyline(self, points: Floats, start: Floats, goal: Floats) -> Floats:
-        """Parts `(m, 6)` along a polyline `(n, 2)`, with turns on the spot that become arcs where that saves time."""
+    def along_polyline(self, points: Floats, start: Floats, goal: Floats) -> Floats:
+        """Parts `(m, 6)` along a polyline `(n, 2)`; turns on the spot at its corners become arcs where that saves time."""
         circles = np.column_stack([points, np.zeros(len(points)), np.ones(len(points))])
         return self._descend(circles, start, goal)[0]
 
     def _descend(self, circles: Floats, start: Floats, goal: Floats) -> tuple[Floats, float]:
-        """Parts after the local search from a chain of circles, and their time (s): infinite if the chain is not free."""
+        """Parts `(2 n - 1, 6)` after the local search from a chain of circles, and their time (s), infinite if they are not free.
+
+        `circles` `(n, 4)` are (x, y, radius, side); side is 1 for left and -1 for right.
+        """
         circles, time = minimise_travel_time(
             world=self.space.world,
             circles=circles,
@@ -76,7 +82,7 @@ class Refiner:
         return parts, float(time)
 
     def _refine_run(self, run: Floats, first_pose: Floats, start: Floats, goal: Floats) -> Floats:
-        """A run backwards is the run forwards from its end, driven the other way round."""
+        """The improved parts of a run of motions; a run backwards is improved as a run forwards from its end, then reversed."""
         if run[0, 0] >= 0.0:
             return self._refine_forwards(run, first_pose, start, goal)
         end = _end_pose(first_pose, run)
@@ -133,7 +139,7 @@ def _with_turns_in_place(parts: Floats, start: Floats, goal: Floats) -> Floats:
 
 
 def _circles(motions: Floats, first_pose: Floats, radius_m: float) -> Floats:
-    """The chain of circles `(n, 4)` of forward motions; a circle is added at each end that is a line."""
+    """The chain of circles `(n, 4)` of forward motions, as in `Refiner._descend`; a circle is added at each end that is a line."""
     parts = parts_of(first_pose, motions)
     end = np.array([*_end_pose(first_pose, motions), 0.0, 0.0, 0.0])
     arcs = [part for part in parts if part[CURVATURE] != 0.0]
@@ -148,7 +154,7 @@ def _circles(motions: Floats, first_pose: Floats, radius_m: float) -> Floats:
 
 
 def _circle(part: Floats, radius_m: float, side: float) -> list[float]:
-    """The circle of an arc, as a row of `chain_parts`."""
+    """The circle (x, y, radius, side) that is tangent to the start of a part."""
     x, y, yaw = part[:3]
     return [x - side * radius_m * np.sin(yaw), y + side * radius_m * np.cos(yaw), radius_m, side]
 

@@ -19,7 +19,7 @@ HALVINGS = 12  # number of halvings of the interval that holds the width of the 
 def blocked_pose(
     occupancy: OccupancyGrid, space: Space, name: str, pose: Floats, local: Floats
 ) -> MethodError:
-    """The error for a start or goal where the robot cannot stand: `pose` (3,) in the map frame, `local` (3,) in the space's."""
+    """The error for a start or goal where the robot cannot stand: `pose` `(3,)` in the map frame, `local` `(3,)` in the space's."""
     where = f"{name} {pose[0]:g},{pose[1]:g}"
     row, col = space.cell(local)
     rows, cols = occupancy.probability.shape
@@ -46,7 +46,7 @@ def blocked_pose(
 
 
 def _blocked_cells_near(space: Space, local: Floats) -> NDArray[np.int64]:
-    """Blocked cells `(k, 2)` (row, col) around a pose, the nearest one among them."""
+    """Blocked cells `(k, 2)` (row, col) around a pose in the space's frame; the nearest one is among them."""
     row, col = space.cell(local)
     distance_m = float(space.field[2 * row + 1, 2 * col + 1])  # from the centre of the pose's cell
     radius = int(distance_m / space.resolution_m) + 3
@@ -58,7 +58,7 @@ def _blocked_cells_near(space: Space, local: Floats) -> NDArray[np.int64]:
 def no_path(
     occupancy: OccupancyGrid, space: Space, occupied_from: float, start: Floats, goal: Floats
 ) -> MethodError:
-    """The error for a start (3,) and a goal (3,), in the space's frame, that obstacles or unknown cells separate."""
+    """The error for a start and a goal `(3,)`, in the space's frame, that are separated by obstacles or unknown cells."""
     (sx, sy), (gx, gy) = space.to_map(np.array([start, goal]))[:, :2].tolist()
     pair = f"no path from {sx:g},{sy:g} to {gx:g},{gy:g}"
     width, narrowest = _widest_passage(space, start, goal)
@@ -77,7 +77,7 @@ def no_path(
 
 
 def unreachable_heading(which: str, pose: Floats, radius_m: float, reverse: bool) -> MethodError:
-    """The error for a pose (3,) with room for the robot, but not for the arcs to its heading."""
+    """The error for a pose `(3,)` (map frame) with room for the robot, but not for arcs that lead to or from its heading."""
     hint = "allow a smaller radius, turns on the spot" + ("" if reverse else ", or driving backwards")
     return MethodError(
         f"{which} {pose[0]:g},{pose[1]:g}: its heading {pose[2]:.3g} rad cannot be met by arcs of {radius_m:g} m or more; {hint}"
@@ -85,7 +85,7 @@ def unreachable_heading(which: str, pose: Floats, radius_m: float, reverse: bool
 
 
 def search_limit_reached(radius_m: float, states: int) -> MethodError:
-    """The error for a search that was that reached its limit of states."""
+    """The error for a search that reached its limit of states."""
     return MethodError(
         f"no path found among {states} poses: there may be one, but it needs many turns of {radius_m:g} m in narrow places; "
         "allow a smaller radius, turns on the spot or driving backwards"
@@ -101,9 +101,9 @@ def path_too_long(length_m: float, max_length_m: float) -> MethodError:
 
 
 def _widest_passage(space: Space, start: Floats, goal: Floats) -> tuple[float, Floats]:
-    """Width (m) of the narrowest place of the widest path, and that place (x, y); 0 if there is no path at all.
+    """Width (m) of the widest path at its narrowest place, and that place (x, y) in the space's frame; 0 if there is no path.
 
-    For any larger width the free space falls apart, so the place lies between the part with the start and another part.
+    With any larger clearance the free space separates, so the place lies between the part with the start and another part.
     """
     ends = [(2 * row + 1, 2 * col + 1) for row, col in (space.cell(start), space.cell(goal))]
     low, high = 0.0, float(min(space.field[end] for end in ends))
@@ -135,7 +135,7 @@ def _is_connected(free: NDArray[np.bool_], a: tuple[int, int], b: tuple[int, int
 
 
 def _kind(occupancy: OccupancyGrid, row: int, col: int) -> str:
-    """A word for what blocks a cell."""
+    """A noun phrase for what blocks the map's cell (row, col)."""
     rows, cols = occupancy.probability.shape
     if not (0 <= row < rows and 0 <= col < cols):
         return "the map's edge"

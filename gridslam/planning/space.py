@@ -24,10 +24,11 @@ class Space:
     """A map and a robot in the grid's own frame: axes of the grid, metres, origin at the outer corner of the border.
 
     blocked: The map `(rows + 2, cols + 2)` with a border of blocked cells.
-    field: Exact distance (m) `(2 rows + 5, 2 cols + 5)` from every corner, edge midpoint and cell centre to the nearest square.
+    field: Exact distance (m) `(2 rows + 5, 2 cols + 5)` from every cell corner, edge midpoint and cell centre to the nearest
+        blocked square.
     geometry: The map's geometry.
-    discs: The robot's discs `(n, 3)` (x, y, radius).
-    margin_m: The clearance that they keep from obstacles.
+    discs: Discs `(n, 3)` (x, y, radius; m, robot frame) that cover the robot.
+    margin_m: The clearance that the discs keep from obstacles.
     """
 
     blocked: NDArray[np.bool_]
@@ -78,9 +79,9 @@ class Space:
         return int(pose[1] // self.resolution_m), int(pose[0] // self.resolution_m)
 
     def nearest_open_cell(self, pose: Floats, needed_m: float) -> tuple[int, int]:
-        """The nearest cell (row, col) to a pose with clearance `needed_m` and a free straight line to the pose.
+        """The cell (row, col) nearest to a pose that has the clearance `needed_m` and a free straight line to the pose.
 
-        It is at most two cells away; if there is none, the pose's own cell is returned.
+        Cells up to SEARCHED_CELLS away are searched; if none qualifies, the pose's own cell is returned.
         """
         row, col = self.cell(pose)
         world = self.world_for_disc(needed_m - self.margin_m)
@@ -110,8 +111,8 @@ def make_space(
 def distance_field(blocked: NDArray[np.bool_], resolution_m: float) -> NDArray[np.float32]:
     """Exact distance (m) `(2 rows + 1, 2 cols + 1)` from points half a cell apart to the nearest blocked square.
 
-    The point of a square that is nearest to one of these points is itself one of them, so a distance transform between points is
-    exact.
+    In each blocked square, the point nearest to any of these points is also one of them, so a distance transform over the points
+    is exact.
     """
     rows, cols = blocked.shape
     squares = np.zeros((2 * rows + 1, 2 * cols + 1), np.uint8)

@@ -12,8 +12,8 @@ Floats = NDArray[np.float64]
 
 MAX_EXACT = 12  # number of places besides the start up to which the optimum is computed
 KICKS = 300  # restarts of the local search, each from the best tour so far with two pieces swapped
-MIN_GAIN = 1e-9  # smallest gain of a shorter tour
-UNREACHABLE_COST = 1e6  # distance between places without a path; the tour avoids such links
+MIN_GAIN = 1e-9  # a tour replaces the best one if it is shorter by more than this
+UNREACHABLE_COST = 1e6  # replaces an infinite distance; the tour avoids such links
 
 
 def path_costs(cell_cost: NDArray[np.float32], cells: NDArray[np.int64]) -> Floats:

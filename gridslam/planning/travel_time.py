@@ -16,12 +16,12 @@ Floats = NDArray[np.float64]
 
 MIN_LIMIT, MAX_LIMIT = 1e-3, 1e3  # limits of every speed and acceleration
 ZERO = 1e-9  # lengths (m) and angles (rad) below this count as 0
-UNIT_LIMITS = DriveLimits(*[1.0] * 6)  # where only the geometry of a segment matters
+UNIT_LIMITS = DriveLimits(*[1.0] * 6)  # for segments of which only the geometry is used
 
 
 @dataclass(frozen=True, slots=True)
 class SpeedLimits:
-    """Limits of the robot: speed, v^2 / r and v / r on an arc, dv/dt, and the yaw acceleration of a turn on the spot.
+    """Limits of the robot: speed v, v^2 / r and v / r on an arc of radius r, dv/dt, and yaw acceleration in a turn on the spot.
 
     Raises ConfigError if a limit is not between MIN_LIMIT and MAX_LIMIT.
     """
