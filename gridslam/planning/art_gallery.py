@@ -1,8 +1,8 @@
 """Observation points: few places from which all walls of a drawing are visible (handmap-slam, paper section 3.1).
 
 The randomized art gallery: candidates are scattered over free space, ray casting lists the wall cells visible from each, and a
-greedy cover repeatedly takes the candidate that sees the most uncovered wall cells. Its size is at most ln(n) + 1 times that of the
-minimum cover of n wall cells (Chvatal 1979).
+greedy cover repeatedly takes the candidate that sees the most uncovered wall cells. Its size is at most ln(n) + 1 times that of
+the minimum cover of n wall cells (Chvatal 1979).
 """
 
 from __future__ import annotations

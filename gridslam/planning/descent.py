@@ -48,7 +48,7 @@ def cell_costs(distance: NDArray[np.float32], inflation: Inflation) -> NDArray[n
 def cost_to_go(
     cell_cost: NDArray[np.float32], goals: NDArray[np.int64], start: tuple[int, int]
 ) -> NDArray[np.float32]:
-    """Cost `(rows, cols)` from each cell to the nearest of the `goals` `(k, 2)` (row, col), up to SEARCH_MARGIN beyond `start`."""
+    """Cost `(rows, cols)` of each cell to the nearest of the `goals` `(k, 2)` (row, col), up to SEARCH_MARGIN beyond `start`."""
     rows, cols = cell_cost.shape
     flat = np.ravel_multi_index((goals[:, 0], goals[:, 1]), cell_cost.shape).astype(np.int64)
     stop = start[0] * cols + start[1] if 0 <= start[0] < rows and 0 <= start[1] < cols else -1

@@ -87,10 +87,10 @@ class MotionSearch:
         self._clearance_m = max(space.inner_radius_m, MIN_DISC_RADIUS_M) + space.margin_m
 
     def cost_to_go(self, obstacle_weight: float, whole_map: bool = False, from_start: bool = False) -> Costs:
-        """Cost `(rows + 2, cols + 2)` (m) to the goal, or `from_start` to the start, from the cells of the space.
+        """Cost `(rows + 2, cols + 2)` (m) from the cells of the space to the goal, or `from_start` to the start.
 
-        Only the cells around the shortest path have finite costs, or with `whole_map` all that are connected. `obstacle_weight` is
-        the extra cost of a metre beside an obstacle. Raises MethodError if no path connects start and goal.
+        Only the cells around the shortest path have finite costs, or with `whole_map` all that are connected. `obstacle_weight`
+        is the extra cost of a metre beside an obstacle. Raises MethodError if no path connects start and goal.
         """
         space = self._space
         cols = space.blocked.shape[1]

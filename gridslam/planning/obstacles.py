@@ -153,8 +153,8 @@ def _gaps(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Free width (m) to the nearest other region and that region's label, both indexed by label.
 
-    Where a cell nearest to one region borders on a cell nearest to another, the two obstacle cells nearest to them are a candidate
-    for the closest pair; the width is the distance between their squares.
+    Where a cell nearest to one region borders on a cell nearest to another, the two obstacle cells nearest to them are a
+    candidate for the closest pair; the width is the distance between their squares.
     """
     gaps = np.full(count + 1, np.inf)
     nearest = np.zeros(count + 1, np.int64)

@@ -44,8 +44,8 @@ class Refiner:
         """Parts `(m, 6)` from `start` to `goal` that take at most the time of the motions `(n, 2)` (length, curvature).
 
         The motions lead from `first_pose`; negative lengths are driven backwards. The robot turns on the spot at the start if the
-        yaw of `first_pose` differs from that of `start`, and at the goal if the yaw at the end of the motions differs from that of
-        `goal`. A goal yaw of NaN is free.
+        yaw of `first_pose` differs from that of `start`, and at the goal if the yaw at the end of the motions differs from that
+        of `goal`. A goal yaw of NaN is free.
         """
         refined = []
         runs = _split_into_runs(motions, self.max_motions)
@@ -63,7 +63,7 @@ class Refiner:
         return self._descend(circles, start, goal)[0]
 
     def _descend(self, circles: Floats, start: Floats, goal: Floats) -> tuple[Floats, float]:
-        """Parts `(2 n - 1, 6)` after the local search from a chain of circles, and their time (s), infinite if they are not free.
+        """Parts `(2 n - 1, 6)` after the local search from a chain of circles, and their time (s): infinite if not free.
 
         `circles` `(n, 4)` are (x, y, radius, side); side is 1 for left and -1 for right.
         """
@@ -139,7 +139,7 @@ def _with_turns_in_place(parts: Floats, start: Floats, goal: Floats) -> Floats:
 
 
 def _circles(motions: Floats, first_pose: Floats, radius_m: float) -> Floats:
-    """The chain of circles `(n, 4)` of forward motions, as in `Refiner._descend`; a circle is added at each end that is a line."""
+    """The chain of circles `(n, 4)` (x, y, radius, side) of forward motions; a circle is added at each end that is a line."""
     parts = parts_of(first_pose, motions)
     end = np.array([*_end_pose(first_pose, motions), 0.0, 0.0, 0.0])
     arcs = [part for part in parts if part[CURVATURE] != 0.0]

@@ -1,4 +1,4 @@
-"""Adjustment of all stops at once: poses under which the readings of all stops lie on common walls.
+"""Adjustment of all stops at once: poses at which the readings of all stops lie on common walls.
 
 Odometry links each stop to the one before, absolute poses link stops to the map.
 """
@@ -23,12 +23,12 @@ Floats = NDArray[np.float64]
 
 MAX_STEPS = 15  # largest number of Gauss-Newton steps
 CONVERGED = 8e-4  # largest change of any coordinate (m, rad)
-FIXED_VARIANCE = 1e-10  # variance of the first pose if no absolute pose says where the map lies
+FIXED_VARIANCE = 1e-10  # of the first pose (m^2, rad^2) if it has no absolute pose
 MIN_ODOMETRY_COVARIANCE = np.diag([1e-7, 1e-7, 1e-7])
 
 
 def adjust(stops: Sequence[Stop], cell_m: float, noise: RangeNoise) -> Floats:
-    """Adjusted poses `(s, 3)`; wall segments are at most `cell_m` (m) long.
+    """Adjusted poses `(s, 3)` of the stops; walls are divided into segments in cells of `cell_m` (m).
 
     The first stop keeps its pose unless it has absolute poses.
     """
@@ -64,7 +64,7 @@ def odometry_edges(stops: Sequence[Stop]) -> Edges:
 
 
 def _absolute_pose_terms(poses: Floats, stops: Sequence[Stop]) -> tuple[sparse.csr_matrix, Floats]:
-    """Hessian and gradient of the absolute poses; the first stop is held if it has none."""
+    """Hessian `(3s, 3s)` and gradient `(3s,)` of the absolute poses; the first stop is fixed if it has none."""
     blocks = [np.zeros((3, 3)) for _ in stops]
     gradient = np.zeros((len(poses), 3))
     for k, stop in enumerate(stops):

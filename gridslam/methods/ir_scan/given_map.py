@@ -14,12 +14,13 @@ from gridslam.sensors.infrared import RangeNoise, ReliableReadings
 Floats = NDArray[np.float64]
 
 MIN_OCCUPIED = 0.65  # smallest probability of an occupied cell
+# Walls are fitted in windows of the larger of these two sizes
 MIN_WINDOW_M, MIN_WINDOW_CELLS = 0.12, 6.0
 FREE_POS = -0.25  # pos of a cell that is free with certainty; a wall has 1
 
 
 class GivenShiftMap:
-    """The paper's match on a map of probabilities: pos is 1 on walls, -0.25 in free cells, 0 in unknown ones."""
+    """The paper's match on a map of probabilities: pos is 1 on walls, down to FREE_POS in free cells, and 0 in unknown ones."""
 
     def __init__(self, occupancy: OccupancyGrid, settings: ShiftSettings) -> None:
         p = occupancy.probability.astype(np.float64)

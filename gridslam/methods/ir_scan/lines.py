@@ -1,4 +1,4 @@
-"""The straight wall segments that points lie on: moments per cell, and the lines fitted to windows of cells."""
+"""Straight wall segments under points: moments by cell, and the lines fitted to windows of cells."""
 
 from __future__ import annotations
 
@@ -28,15 +28,16 @@ Floats = NDArray[np.float64]
 
 MIN_POINTS = 3.0  # two points lie on a line in any case; the third shows its thickness
 ROBUST_SIGMAS = 2.5  # 99 % of Gaussian residuals are smaller
-MAP_STD_M = 0.003  # standard deviation of the map's lines
-MIN_ASPECT_RATIO = 2.0  # length to thickness
+WALL_STD_M = 0.003  # standard deviation of a wall about its line
+MIN_ASPECT_RATIO = 2.0  # smallest ratio of a wall segment's length to its thickness
 
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """n weighted lines; NaN where there are no points.
+    """n lines fitted to weighted points; NaN for a line without points.
 
-    Centres of gravity and unit normals `(n, 2)`; standard deviations across and along the line (m) and numbers of points `(n,)`.
+    Centres of gravity (m) and unit normals `(n, 2)`; standard deviations of the points across and along the line (m) and numbers
+    of points `(n,)`.
     """
 
     centres: Floats
@@ -57,7 +58,7 @@ class Lines:
 
 
 def lines_of_moments(moments: Floats) -> Lines:
-    """Lines by total least squares from moments `(n, 7)`."""
+    """Lines by total least squares from moments `(n, 7)`, whose columns `kernels/infrared/wall_lines.py` names."""
     with np.errstate(divide="ignore", invalid="ignore"):
         x, y = moments[:, WX] / moments[:, W], moments[:, WY] / moments[:, W]
         xx = moments[:, WXX] / moments[:, W] - x * x
@@ -89,7 +90,7 @@ def moments_of(points: Floats, weights: Floats) -> Floats:
 
 
 class WallMoments:
-    """The moments of all points so far, by cell."""
+    """The moments of all points added so far, by cell of `cell_m` (m); `memory_limit_mb` limits the grid."""
 
     def __init__(self, cell_m: float, memory_limit_mb: float) -> None:
         self._grid = GrowingGrid(cell_m, memory_limit_mb, (MOMENTS,))
@@ -101,7 +102,7 @@ class WallMoments:
         np.add.at(self._grid.values, (cells[:, 0], cells[:, 1]), moments_of(points, weights))
 
     def lines(self, points: Floats, radius_cells: int) -> Lines:
-        """The line through all points within `radius_cells` cells of the cell of each point `(n, 2)`."""
+        """For each of the `points` `(n, 2)`, the line through all added points within `radius_cells` cells of its cell."""
         return lines_of_moments(pooled_sums(self._grid.values, self._grid.cells(points), radius_cells))
 
     def equations(self, position: Floats, beams: MapPoints, max_thickness_m: float) -> PoseEquations:
@@ -111,6 +112,6 @@ class WallMoments:
             self._grid.cells(position + beams.arms),
             beams,
             position,
-            WallCriteria(MIN_POINTS, max_thickness_m, MAP_STD_M**2, ROBUST_SIGMAS),
+            WallCriteria(MIN_POINTS, max_thickness_m, WALL_STD_M**2, ROBUST_SIGMAS),
         )
         return PoseEquations(hessian, gradient, int(on_walls))

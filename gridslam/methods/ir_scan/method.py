@@ -32,10 +32,10 @@ Floats = NDArray[np.float64]
 
 
 class ScanMatcher(Protocol):
-    """Finds the pose of a scan near a predicted one."""
+    """Finds the pose of a scan near a predicted pose."""
 
     def match(self, readings: ReliableReadings, prior: StopMatch) -> StopMatch:
-        """The corrected pose, or the predicted one with the verdict that says why."""
+        """The corrected pose; or the predicted pose `prior`, with a verdict that says why it was not corrected."""
 
 
 class IrScanMapper:
@@ -47,7 +47,7 @@ class IrScanMapper:
         self._noise = noise_of(config)
         self._tracker = StopTracker(config, np.zeros((3, 3)))
         self._pos = PosGrid(config.resolution_m, config.advanced.memory_limit_mb)
-        # The scans just taken share the present error of the odometry, and a map that holds them would confirm it.
+        # Recent scans share the present error of the odometry, and a map that holds them would confirm it.
         self._delay = config.advanced.matching.delay_stops if config.matching.kind == "shift" else 0
         # Readings that are not in the map yet, with their poses
         self._delayed: deque[tuple[ReliableReadings, Floats]] = deque()
@@ -118,7 +118,7 @@ class IrScanMapper:
         return self._walls_for(readings).match(readings, prior)
 
     def _walls_for(self, readings: ReliableReadings) -> WallMatcher:
-        """The map of the search; its windows follow the first scan with any readings."""
+        """The map of the search; the size of its windows follows from the first scan with any readings."""
         config = self._config
         if self._walls is None:
             self._walls = WallMatcher(
@@ -136,7 +136,7 @@ class IrScanMapper:
             self._pos.add(*self._delayed.popleft())
 
     def _redraw_pos(self, poses: Floats) -> None:
-        """Draw the grid pos again with the adjusted poses."""
+        """Draw the grid pos again with the adjusted poses `(s, 3)` of the stops."""
         self._pos = PosGrid(self._config.resolution_m, self._config.advanced.memory_limit_mb)
         for stop, pose in zip(self._tracker.stops, poses, strict=True):
             if stop.readings is not None and len(stop.readings):
@@ -184,7 +184,7 @@ class IrScanLocalizer:
 
 
 def predicted_at(stop: Stop) -> StopMatch:
-    """The predicted pose of a stop, as a match that has not been tried."""
+    """The predicted pose of a stop, as the result of a match that was not tried (verdict `off`)."""
     return StopMatch(stop.pose, stop.covariance, "off")
 
 
@@ -223,11 +223,14 @@ def estimate_of(tracker: StopTracker) -> Estimate | None:
 
 
 def result_of(tracker: StopTracker, poses: Floats, occupancy: OccupancyGrid, is_smooth: bool) -> RunResult:
-    """The part of the result that mapping and localization have in common; `poses` `(s, 3)` are those of the stops."""
+    """The part of the result that mapping and localization have in common; `poses` `(s, 3)` are those of the stops.
+
+    `is_smooth`: the correction of each stop is distributed over the path to it.
+    """
     tracker.advance_to_end()
     picture = raw_and_filtered(tracker.stops, occupancy)
     return RunResult(
-        trajectory(tracker.stops, poses, tracker.motion.motion(), is_smooth),
+        trajectory(tracker.stops, poses, tracker.motion_since_stop(), is_smooth),
         tables={"stops": stops_table(tracker.stops, poses)},
         series=series(tracker.stops),
         pictures={} if picture is None else {"raw_and_filtered": picture},

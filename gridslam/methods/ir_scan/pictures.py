@@ -22,7 +22,7 @@ _MAX_RANGE_RATIO = 3.0  # readings beyond this multiple of the valid range are n
 
 
 def raw_poses(stops: Sequence[Stop]) -> Floats:
-    """Poses of the stops `(s, 3)` by odometry alone; the predicted ones, from absolute poses, without odometry."""
+    """Poses of the stops `(s, 3)` by odometry alone; without odometry, the predicted poses, which come from absolute poses."""
     poses = [stops[0].pose]
     for stop in stops[1:]:
         if stop.has_odometry and stop.motion is not None:
@@ -33,7 +33,7 @@ def raw_poses(stops: Sequence[Stop]) -> Floats:
 
 
 def raw_points(stops: Sequence[Stop], poses: Floats) -> Floats:
-    """End points `(n, 2)` of all readings as recorded, for poses of the stops `(s, 3)`."""
+    """End points `(n, 2)` (m, map frame) of all readings as recorded, at the `poses` `(s, 3)` of the stops."""
     parts = [np.zeros((0, 2))]
     for stop, pose in zip(stops, poses, strict=True):
         if stop.scan is not None:
@@ -75,7 +75,7 @@ def raw_and_filtered(stops: Sequence[Stop], occupancy: OccupancyGrid) -> Picture
 
 
 def _window(occupancy: OccupancyGrid, points: Floats) -> OccupancyGrid:
-    """The map with a border for the raw readings, at most half the size of its known part on each side."""
+    """The known part of the map with room for the raw readings on each side: at most half the size of the known part."""
     known = np.argwhere(~np.isnan(occupancy.probability))
     low, high = (
         (known.min(axis=0), known.max(axis=0) + 1)

@@ -23,9 +23,10 @@ M_PER_RAD = 0.1  # rotation counts as much as this distance when a correction is
 
 
 def trajectory(stops: Sequence[Stop], poses: Floats, last: RelativeMotion, is_smooth: bool) -> Trajectory:
-    """The whole path for poses of the stops `(s, 3)`; `last` is the motion since the last stop.
+    """The whole path through the `poses` `(s, 3)` of the stops; `last` is the motion since the last stop.
 
-    The path is that known while driving or, if `is_smooth`, the correction of each stop is distributed over the path to it.
+    If `is_smooth`, the correction of each stop is distributed over the path to it; else the path jumps at the stops, as it did
+    while driving.
     """
     stamps, path = [], []
     for k, stop in enumerate(stops[1:], start=1):
@@ -55,7 +56,7 @@ def _between_stops(start: Floats, end: Floats, motion: RelativeMotion, is_smooth
 
 
 def stops_table(stops: Sequence[Stop], poses: Floats) -> Table:
-    """One row per stop: pose, pose predicted by odometry, number of readings, and the match; `poses` `(s, 3)`."""
+    """One row per stop: its pose of `poses` `(s, 3)`, the predicted pose, the numbers of readings, and the match."""
     rows = [
         (
             stop.stamp_ns, *poses[k].tolist(), *stop.predicted.tolist(),

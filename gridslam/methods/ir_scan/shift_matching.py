@@ -21,8 +21,9 @@ Ints = NDArray[np.int64]
 class ShiftSettings:
     """Settings of `match_by_shift`; see `MatchingConfig` and `AdvancedMatching`.
 
-    The paper does not say when two sums tie. The sums of a few hundred noisy points are never equal: along a bare wall all
-    shifts are equally good, and the largest sum is a matter of chance. So sums tie within `tie_sigmas` standard errors.
+    The paper does not say when two sums tie. The sums of a few hundred noisy points are never equal: along a bare wall all shifts
+    are equally good, and the largest sum is a matter of chance. So sums tie if they differ by at most `tie_sigmas` standard
+    errors.
     """
 
     window_cells: int = 10
@@ -33,7 +34,7 @@ class ShiftSettings:
 
 @dataclass(frozen=True, slots=True)
 class CellShift:
-    """A shift by whole cells, and the sum of the map under the points shifted by it."""
+    """A shift by whole cells, and the sum `total` of pos under the points that are shifted by it."""
 
     rows: int
     cols: int
@@ -41,7 +42,7 @@ class CellShift:
 
 
 def best_shift(sums: Floats) -> CellShift:
-    """The shift with the largest of `sums` `(2r+1, 2r+1)`; the smallest shift if several sums are equal."""
+    """The shift with the largest of `sums` `(2r+1, 2r+1)`, whose middle is no shift; the smallest shift if several are equal."""
     return smallest_shift(sums, sums == sums.max())
 
 
@@ -73,9 +74,9 @@ def match_by_shift(
     prior: StopMatch,
     settings: ShiftSettings,
 ) -> StopMatch:
-    """The match of a scan on the grid pos `values` `(rows, cols)`; `prior` is the predicted pose, at the window's centre.
+    """The match of a scan on the grid pos `values` `(rows, cols)`; `prior` is the predicted pose, the centre of the window.
 
-    A match without a shift keeps the covariance of the prior.
+    A shift of zero keeps the covariance of the prior; any other has the standard deviation of a cell.
     """
     if len(readings) < settings.min_points:
         return StopMatch(prior.pose, prior.covariance, "too_few_points")

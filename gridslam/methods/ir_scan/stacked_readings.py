@@ -17,9 +17,9 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class StackedReadings:
-    """The reliable readings of all stops.
+    """The n reliable readings of all stops.
 
-    Index of the stop `(n,)`, end points and unit directions `(n, 2)` in the robot's frame, range (m) and reliability `(n,)`.
+    Index of the stop `(n,)`, end points (m) and unit directions `(n, 2)` in the robot's frame, ranges (m) and reliability `(n,)`.
     """
 
     stop: Ints
@@ -41,11 +41,11 @@ class StackedReadings:
         )
 
     def in_map(self, poses: Floats) -> Floats:
-        """End points `(n, 2)` in the map, for poses of the stops `(s, 3)`."""
+        """End points `(n, 2)` (m) in the map, at the `poses` `(s, 3)` of the stops."""
         return rotated(self.points, poses[self.stop, 2]) + poses[self.stop, :2]
 
     def variances(self, normals: Floats, poses: Floats, noise: RangeNoise) -> Floats:
-        """Variances `(n,)` along normals `(n, 2)` in the map, for poses of the stops `(s, 3)`."""
+        """Variances (m^2) `(n,)` of the end points along `normals` `(n, 2)` in the map, at the `poses` `(s, 3)` of the stops."""
         along = np.sum(normals * rotated(self.directions, poses[self.stop, 2]), axis=1) ** 2
         radial, across = noise.variances(self.ranges_m)
         return np.asarray(along * radial + (1.0 - along) * across)

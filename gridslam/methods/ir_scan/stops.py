@@ -17,7 +17,11 @@ Verdict = Literal["matched", "first", "too_few_points", "no_match", "ambiguous",
 
 @dataclass(frozen=True, slots=True)
 class StopMatch:
-    """The pose of a stop after matching `(3,)`, its covariance `(3, 3)`, the verdict, and the best sum per reading."""
+    """T_map_base `(3,)` of a stop after matching, its covariance `(3, 3)`, the verdict, and the best sum per reading.
+
+    Verdicts: matched; first (there is no map yet), too_few_points, no_match and ambiguous, which keep the predicted pose; off
+    (the match was not tried).
+    """
 
     pose: Floats
     covariance: Floats
@@ -35,10 +39,10 @@ class MeasuredPose:
 
 @dataclass(slots=True)
 class Stop:
-    """The start (without scan) or a stop: T_map_base `(3,)` and its covariance, and the pose predicted before the match.
+    """The start (without scan) or a stop: T_map_base `(3,)`, its covariance `(3, 3)`, and the pose `predicted` before the match.
 
-    `motion` leads from the stop before to this one; it is meaningful only if the log `has_odometry`. `absolute_poses` were
-    measured from outside.
+    `motion` is the odometry from the previous stop to this one; it is meaningful only with `has_odometry`. `absolute_poses` were
+    measured from outside the robot, for example by a tracking system.
     """
 
     stamp_ns: int

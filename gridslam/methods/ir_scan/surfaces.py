@@ -1,7 +1,7 @@
-"""The finished map of the best settings: readings averaged to wall segments, and cleared where beams pass.
+"""The drawing `surfaces` of the finished map: readings averaged to wall segments, and cleared where beams pass.
 
-A single reading is uncertain by several cells. The readings of all stops in a window define a line, and each of them is drawn
-onto it. Where too few agree, or where beams of other stops pass, there is no wall.
+A single reading is uncertain by several cells. A line is fitted to the readings of all stops in a window, and each of them is
+drawn onto it. Where too few readings agree, or where beams of other stops pass, there is no wall.
 """
 
 from __future__ import annotations
@@ -25,29 +25,33 @@ from gridslam.sensors.infrared import RangeNoise
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-WINDOW_CELLS = 2  # cells of the window to each side
+WINDOW_CELLS = 2  # number of cells on each side of the middle cell of a window
 MIN_READINGS = 3  # smallest number of readings in the window of a wall
 # Smallest number of readings of a corner, in a window without a straight wall
 CORNER_READINGS = 2 * MIN_READINGS
 THICKNESS_RATIO = 0.4  # largest thickness of a wall segment, as a fraction of the window
-GAP_RATIO = 0.8  # neighbouring readings of one wall are joined over this fraction of the window
+GAP_RATIO = (
+    0.8  # largest gap between neighbouring readings of a wall that are joined, as a fraction of the window
+)
 OUTLIER_SIGMAS = 3.0  # a reading farther from its line belongs to something else
-CLEAR_M = 0.015  # beams clear cells up to this distance before their wall
-CLEAR_CELLS = 1.0
-MIN_INCIDENCE = 0.1  # sine of the angle between beam and wall
+# Beams clear cells up to the sum of these two distances before their wall
+CLEAR_M, CLEAR_CELLS = 0.015, 1.0
+MIN_INCIDENCE = 0.1  # smallest sine of the angle between beam and wall that is used
 # Smallest cosine of the angle between the normals of neighbouring readings of one wall
 SAME_WALL_COSINE = 0.9
-JOIN_STEP_CELLS = 0.5
+JOIN_STEP_CELLS = 0.5  # distance between the points that join two readings
 CROSSED_WEIGHT = 0.35  # evidence of a beam through a cell, relative to a reading in the cell
-READING_LOG_ODDS = 0.85
+READING_LOG_ODDS = 0.85  # log-odds that a reading adds to its cell
+# Limits of the log-odds: of an occupied cell from below, of a crossed cell from above, of any cell to both sides
 MIN_OCCUPIED_LOG_ODDS, MAX_CROSSED_LOG_ODDS, MAX_LOG_ODDS = 1.0, -1.5, 6.0
 
 
 class SurfacePoints(NamedTuple):
-    """The readings on their surfaces.
+    """The end points of n readings, moved onto their walls.
 
-    Points `(n, 2)` in the map, moved onto their wall where there is one; the walls' normals `(n, 2)`, NaN without a wall; and a
-    mask `(n,)` of the readings that are drawn as wall.
+    points: End points `(n, 2)` (m, map frame), on their wall if there is one.
+    normals: Unit normals of the walls `(n, 2)`, NaN without a wall.
+    is_wall: Mask `(n,)` of the readings that are drawn as wall.
     """
 
     points: Floats
@@ -58,7 +62,7 @@ class SurfacePoints(NamedTuple):
 def draw_surfaces(
     stops: Sequence[Stop], poses: Floats, noise: RangeNoise, resolution_m: float, memory_limit_mb: float
 ) -> OccupancyGrid:
-    """The map for poses of the stops `(s, 3)`: probability of occupancy, NaN where no beam passed."""
+    """The map for the `poses` `(s, 3)` of the stops: probability of occupancy, NaN where no beam passed."""
     window_m = window_of(scans_of(stops))
     readings = StackedReadings.of(stops)
     origins = _origins(stops, poses)
@@ -89,7 +93,7 @@ def draw_surfaces(
 def on_surfaces(
     readings: StackedReadings, poses: Floats, window_m: float, noise: RangeNoise, memory_limit_mb: float
 ) -> SurfacePoints:
-    """The readings for poses of the stops `(s, 3)`, moved onto the wall segments fitted in windows of `window_m` (m)."""
+    """The readings at the `poses` `(s, 3)` of the stops, moved onto wall segments fitted in windows of `window_m` (m)."""
     points = readings.in_map(poses)
     moments = WallMoments(window_m / (2 * WINDOW_CELLS + 1), memory_limit_mb)
     if len(points):
@@ -116,7 +120,7 @@ def _origins(stops: Sequence[Stop], poses: Floats) -> Floats:
 
 
 def _cleared_to(origins: Floats, points: Floats, normals: Floats, resolution_m: float) -> Floats:
-    """Points `(n, 2)` up to which the beams clear cells: before their wall, and the earlier the flatter they meet it."""
+    """Points `(n, 2)` up to which the beams clear cells: before their wall, farther from it at grazing incidence."""
     beams = points - origins
     length = np.hypot(beams[:, 0], beams[:, 1])
     direction = beams / np.maximum(length, 1e-9)[:, None]

@@ -1,4 +1,4 @@
-"""From events to stops, for mapping and localization alike: motion, absolute poses and sweeps."""
+"""From events to stops, in mapping and in localization: motion, absolute poses and sweeps."""
 
 from __future__ import annotations
 
@@ -15,14 +15,16 @@ from gridslam.core.errors import MethodError
 from gridslam.core.messages import AbsolutePose, Event, Imu, Odometry, Range, Transform, WheelTicks
 from gridslam.methods.ir_scan.config import IrScanConfig
 from gridslam.methods.ir_scan.stops import MeasuredPose, Stop, StopMatch
-from gridslam.motion.wheel_gyro import MotionLimits, WheelGyro, WheelGyroNoise
+from gridslam.motion.wheel_gyro import MotionLimits, RelativeMotion, WheelGyro, WheelGyroNoise
 from gridslam.sensors.infrared import InfraredScan, reliability, reliable_readings
 from gridslam.sensors.infrared_sweeps import CompleteScan, SweepAssembler, SweepLimits
 from gridslam.sensors.lidar_beams import extrinsics_of
 
 Floats = NDArray[np.float64]
 
-GATE = 11.34  # squared Mahalanobis distance of an outlier: chi-square with 3 degrees of freedom, 0.99
+# Squared Mahalanobis distance from which on an absolute pose is an outlier: the 99 % point of chi-square with 3 degrees of
+# freedom
+GATE = 11.34
 
 
 class StopTracker:
@@ -48,13 +50,12 @@ class StopTracker:
         if config.motion.use_gyro:
             self._handlers[Imu] = self._motion.add_imu
 
-    @property
-    def motion(self) -> WheelGyro:
-        """The odometry so far."""
-        return self._motion
+    def motion_since_stop(self) -> RelativeMotion:
+        """The motion by odometry since the last stop."""
+        return self._motion.motion()
 
     def add(self, event: Event) -> Stop | None:
-        """Add an event; returns the stop whose scan it completes, to be passed to `apply_match`."""
+        """Add an event; returns the stop whose scan it completes, if any, which is to be passed to `apply_match`."""
         handler = self._handlers.get(type(event))
         return None if handler is None else handler(event)
 
@@ -103,18 +104,18 @@ class StopTracker:
 
     def _add_stop(self, complete: CompleteScan) -> Stop:
         self._require_motion()
-        wheels, last = self._motion, self.stops[-1]
-        wheels.advance_to(complete.mark)
-        motion = wheels.stop()
+        odometry, last = self._motion, self.stops[-1]
+        odometry.advance_to(complete.mark)
+        motion = odometry.stop()
         pose, covariance = se2.compound(last.pose, last.covariance, motion.T_stop_now, motion.covariance)
         absolute_poses = []
-        if not wheels.is_known and self._last_absolute is not None:
+        if not odometry.is_known and self._last_absolute is not None:
             measured = self._last_absolute
             pose, covariance, absolute_poses = measured.pose.copy(), measured.covariance, [measured]
         stop = Stop(
             complete.scan.stamp_ns, pose, covariance, pose.copy(), motion, absolute_poses=absolute_poses
         )
-        stop.has_odometry = wheels.is_known
+        stop.has_odometry = odometry.is_known
         self._select_readings(stop, complete.scan)
         self.stops.append(stop)
         return stop
@@ -154,7 +155,7 @@ class StopTracker:
             )
 
     def _add_absolute_pose(self, event: AbsolutePose) -> Stop | None:
-        """Correct the last stop through the motion since then; without odometry the absolute pose is the robot's."""
+        """Correct the last stop by an absolute pose and the motion since then; without odometry, move the robot to that pose."""
         if not (np.isfinite(event.pose).all() and np.isfinite(event.covariance).all()):
             self.counters["skipped.pose.not_finite"] += 1
             return None
@@ -177,7 +178,7 @@ class StopTracker:
         return None
 
     def _correct(self, last: Stop, step: MeasuredPose, measured: MeasuredPose) -> None:
-        """Kalman update of the last stop by an absolute pose measured after the motion `step`, unless that is an outlier."""
+        """Kalman update of the last stop by an absolute pose, unless that is an outlier; `step` is the motion since the stop."""
         predicted, covariance = se2.compound(last.pose, last.covariance, step.pose, step.covariance)
         innovation = measured.pose - predicted
         innovation[2] = float(se2.wrap_angle(innovation[2]))
@@ -199,7 +200,10 @@ class StopTracker:
         self.counters["used.pose"] += 1
 
     def _move_to(self, measured: MeasuredPose) -> Stop | None:
-        """Without odometry: an absolute pose elsewhere ends the scan, and the next one is taken there."""
+        """Without odometry: an absolute pose away from the last one ends the open scan, and the next scan is taken there.
+
+        Returns the stop of the scan that has ended, if any.
+        """
         self.counters["used.pose"] += 1
         last, completed = self._last_absolute, None
         if last is not None:

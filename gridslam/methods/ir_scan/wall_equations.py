@@ -1,7 +1,8 @@
 """Normal equations of readings on common walls, with the walls eliminated.
 
-A wall segment is a cell of a coarse lattice. Its line (offset and tilt) is eliminated from the normal equations, so that only
-poses remain, as in bundle adjustment. Two lattices, shifted by half a cell, share the points, so that no wall is cut by both.
+A wall segment is fitted to the points in a cell of a coarse lattice. Its line (offset and tilt) is eliminated from the normal
+equations, so that only poses remain, as in bundle adjustment. There are two lattices with all points, half a cell apart, so that
+a wall that is cut by the border of a cell in one of them is whole in the other.
 """
 
 from __future__ import annotations
@@ -24,16 +25,19 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 LATTICE_CORNERS = (0.0, 0.5)  # corners of the two lattices, in cells
-MAP_STD_M = 0.002  # standard deviation of a wall about a straight line
+WALL_STD_M = 0.002  # standard deviation of a wall about a straight line
 ROBUST_SIGMAS = 2.5  # residuals beyond it, one in a hundred by chance, lose their weight
-THICKNESS_RATIO = 0.5  # largest thickness of a wall segment, as a fraction of its length
-MIN_POINTS = 4.0
+THICKNESS_RATIO = 0.5  # largest thickness of a wall segment, as a fraction of a cell of the lattice
+MIN_POINTS = 4.0  # smallest number of points of a wall segment
 
 
 def wall_terms(
     poses: Floats, readings: StackedReadings, cell_m: float, noise: RangeNoise
 ) -> list[tuple[sparse.csr_matrix, Floats]]:
-    """Hessian `(3s, 3s)` and gradient `(3s,)` of the readings on their walls, for each of the two lattices of `cell_m` (m)."""
+    """Hessian `(3s, 3s)` and gradient `(3s,)` of the readings on their walls, for each of the two lattices.
+
+    `poses` `(s, 3)` are those of the stops; the lattices have cells of `cell_m` (m).
+    """
     beams = MapPoints(
         rotated(readings.points, poses[readings.stop, 2]),
         rotated(readings.directions, poses[readings.stop, 2]),
@@ -41,7 +45,7 @@ def wall_terms(
     )
     positions = beams.arms + poses[readings.stop, :2]
     points = StopPoints(readings.stop, positions, readings.bel, beams)
-    criteria = WallCriteria(MIN_POINTS, THICKNESS_RATIO * cell_m, MAP_STD_M**2, ROBUST_SIGMAS)
+    criteria = WallCriteria(MIN_POINTS, THICKNESS_RATIO * cell_m, WALL_STD_M**2, ROBUST_SIGMAS)
     terms = []
     for corner in LATTICE_CORNERS:
         first, order = by_cell(positions, cell_m, corner)
@@ -50,9 +54,10 @@ def wall_terms(
 
 
 def by_cell(points: Floats, cell_m: float, corner: float) -> tuple[Ints, Ints]:
-    """Points `(n, 2)` sorted by the cell of a lattice: index of each cell's first point `(cells + 1,)`, and the order `(n,)`.
+    """Points `(n, 2)` (m) grouped by the cells of a lattice.
 
-    Points in the same cell keep their order. `corner` is that of the lattice, in cells of `cell_m`.
+    Returns the index of the first point of each cell in the new order, followed by n, `(cells + 1,)`, and the order `(n,)`.
+    Points in the same cell keep their order. `corner` is the offset of the lattice in cells of `cell_m`.
     """
     cells = np.floor(points / cell_m + corner).astype(np.int64)
     keys = cells[:, 0] * (int(np.ptp(cells[:, 1])) + 1) + cells[:, 1]
@@ -90,9 +95,10 @@ def block_diagonal(blocks: Floats) -> sparse.csr_matrix:
 
 
 def _rows_of_pairs(counts: Ints) -> Ints:
-    """The order of the pairs' rows that puts all first rows of a wall before its second rows.
+    """The order of the rows of pairs (wall, stop) that puts all first rows of a wall before its second rows.
 
-    A pair has two rows, and pairs come wall by wall; `counts` `(w,)` is the number of pairs of each wall.
+    A pair has two rows, for the wall's offset and tilt. Pairs come wall by wall; `counts` `(w,)` is the number of each wall's
+    pairs.
     """
     total = int(counts.sum())
     wall, first = np.repeat(np.arange(len(counts)), counts), np.cumsum(counts) - counts

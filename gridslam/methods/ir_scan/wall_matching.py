@@ -18,12 +18,12 @@ from gridslam.sensors.infrared import RangeNoise, ReliableReadings
 
 Floats = NDArray[np.float64]
 
-KERNEL_STD_M = 0.02  # standard deviation of a reading about its wall in the search
-KERNEL_SIGMAS = 3.0
-POINT_LOG_LIKELIHOOD = 0.3  # that a point on a wall adds; below 1 because neighbouring points err together
-MIN_PRIOR_VARIANCE = np.array([0.004, 0.004, 0.004]) ** 2  # m^2, m^2, rad^2: no prediction is more certain
+KERNEL_STD_M = 0.02  # standard deviation of a reading about its wall in the search; at least a cell
+KERNEL_SIGMAS = 3.0  # radius of the kernel, in standard deviations
+POINT_LOG_LIKELIHOOD = 0.3  # of a point on a wall; below 1 because neighbouring points have similar errors
+MIN_PRIOR_VARIANCE = np.array([0.004, 0.004, 0.004]) ** 2  # m^2, m^2, rad^2; added to that of the prediction
 WALL_THICKNESS_RATIO = 0.4  # largest thickness of a wall segment, as a fraction of the window
-CELLS_PER_WINDOW = 3.0
+CELLS_PER_WINDOW = 3.0  # along each side
 MAX_STEPS = 12  # largest number of Gauss-Newton steps
 CONVERGED = 2e-4  # largest change of any coordinate (m, rad)
 
@@ -50,8 +50,8 @@ class PoseSearchResult:
 class WallMatcher:
     """A map for matching: a grid of blurred readings for the search, and the lines of walls for the refinement.
 
-    Walls are fitted in windows of `window_m`; the grid has cells of `resolution_m`, and each of both maps may take up to
-    `memory_limit_mb`.
+    Walls are fitted in windows of `window_m`; the grid has cells of `resolution_m`. Grid and walls may take up to
+    `memory_limit_mb` each.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class WallMatcher:
         self._kernel = np.exp(-0.5 * (offsets[:, None] ** 2 + offsets[None, :] ** 2) / sigma**2)
 
     def add(self, points: Floats, weights: Floats) -> None:
-        """Add points of walls `(n, 2)` in the map; `weights` `(n,)` are those of the lines."""
+        """Add points of walls `(n, 2)` (m, map frame); `weights` `(n,)` are their weights in the fits of lines."""
         if not len(points):
             return
         self._blurred.cover(points, len(self._kernel) // 2)
@@ -81,7 +81,7 @@ class WallMatcher:
         self._walls.add(points, weights)
 
     def match(self, readings: ReliableReadings, prior: StopMatch) -> StopMatch:
-        """The match of a scan near the predicted pose `prior`; an ambiguous one is refused."""
+        """The match of a scan near the predicted pose `prior`; an ambiguous match is refused."""
         pose, covariance = prior.pose, prior.covariance
         if len(readings) < self._settings.min_points:
             return StopMatch(pose, covariance, "too_few_points")
@@ -99,7 +99,7 @@ class WallMatcher:
         return StopMatch(refined.pose, refined.covariance, "matched", found.score)
 
     def search(self, readings: ReliableReadings, prior: MeasuredPose) -> PoseSearchResult:
-        """The most likely pose of the window of shifts and rotations."""
+        """The most likely pose in the window of shifts and rotations around `prior`."""
         settings, resolution = self._settings, self._blurred.resolution_m
         max_range = max(float(np.hypot(*readings.points.T).max()), resolution)
         count = int(np.ceil(settings.rotation_rad * max_range / resolution))
@@ -126,8 +126,9 @@ class WallMatcher:
     def refine(
         self, readings: ReliableReadings, start: Floats, prior: MeasuredPose
     ) -> tuple[MeasuredPose, int]:
-        """Gauss-Newton from the pose `start` `(3,)`: points on the lines of their walls, odometry as prior.
+        """Gauss-Newton from the pose `start` `(3,)`, which moves the readings onto the lines of their walls.
 
+        The odometry is the `prior`.
         Returns the pose with its covariance, and the number of readings on walls.
         """
         information = np.linalg.inv(prior.covariance)
