@@ -19,7 +19,7 @@ HALVINGS = 12  # number of halvings of the interval that holds the width of the 
 def blocked_pose(
     occupancy: OccupancyGrid, space: Space, name: str, pose: Floats, local: Floats
 ) -> MethodError:
-    """The error for a start or goal where the robot cannot stand: `pose` `(3,)` in the map frame, `local` in that of the space."""
+    """The error for a start or goal where the robot cannot stand: `pose` `(3,)` in the map frame, `local` in the space's."""
     where = f"{name} {pose[0]:g},{pose[1]:g}"
     row, col = space.cell(local)
     rows, cols = occupancy.probability.shape

@@ -30,9 +30,8 @@ MIN_READINGS = 3  # smallest number of readings in the window of a wall
 # Smallest number of readings of a corner, in a window without a straight wall
 CORNER_READINGS = 2 * MIN_READINGS
 THICKNESS_RATIO = 0.4  # largest thickness of a wall segment, as a fraction of the window
-GAP_RATIO = (
-    0.8  # largest gap between neighbouring readings of a wall that are joined, as a fraction of the window
-)
+# Largest gap between neighbouring readings of a wall that are joined, as a fraction of the window
+GAP_RATIO = 0.8
 OUTLIER_SIGMAS = 3.0  # a reading farther from its line belongs to something else
 # Beams clear cells up to the sum of these two distances before their wall
 CLEAR_M, CLEAR_CELLS = 0.015, 1.0
