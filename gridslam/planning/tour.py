@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 
 MAX_EXACT = 12  # number of places besides the start up to which the optimum is computed
 KICKS = 300  # restarts of the local search, each from the best tour so far with two pieces swapped
-MIN_GAIN = 1e-9  # a tour replaces the best one if it is shorter by more than this
+MIN_GAIN = 1e-9  # smallest gain at which a tour replaces the best one
 UNREACHABLE_COST = 1e6  # replaces an infinite distance; the tour avoids such links
 
 

@@ -10,9 +10,9 @@ Floats = NDArray[np.float64]
 REFERENCE_DISTANCE_M = 0.05  # r0 is the correlation of cells at this distance
 UPDATE_EVERY = 5  # frames
 MAX_FREE, MIN_OCCUPIED = 0.1, 0.9  # probabilities of cells whose state is certain
-MIN_PAIRS = 500
+MIN_PAIRS = 500  # smallest number of pairs of certain neighbours
 SMOOTHING = 0.8  # weight of the estimate so far
-MIN_MEASURED, MAX_MEASURED = 0.5, 0.998
+MIN_MEASURED, MAX_MEASURED = 0.5, 0.998  # limits of the measured correlation of neighbours
 
 
 class CorrelationEstimate:
@@ -39,9 +39,9 @@ class CorrelationEstimate:
 
 
 def neighbour_correlation(probability: Floats) -> float | None:
-    """Correlation of the states of neighbouring cells that are both certain, given the probability `(rows, cols)`.
+    """Correlation of the states of neighbouring cells, over pairs that are both certain in the `probability` `(rows, cols)`.
 
-    None if there are too few pairs, or if all cells have the same state.
+    None if there are too few pairs, or if all these cells have the same state.
     """
     occupied = probability > MIN_OCCUPIED
     certain = occupied | (probability < MAX_FREE)

@@ -20,12 +20,12 @@ from gridslam.methods.stereo_bayes.adaptive_correlation import CorrelationEstima
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.methods.stereo_bayes.rays import StereoRays, range_edges
 from gridslam.methods.stereo_bayes.visible_cells import visible_cells
-from gridslam.methods.stereo_bayes.window import Lattice, PolarValues, window, window_radius
+from gridslam.methods.stereo_bayes.window import PolarValues, RayStart, window, window_radius
 from gridslam.sensors.stereo_likelihood import StereoNoise, first_likelihoods
 
 Floats = NDArray[np.float64]
 
-MARGIN_CELLS = 2
+MARGIN_CELLS = 2  # of the grid around the rays, and of the cells around a camera where free space starts
 MIN_PROBABILITY = 1e-3  # cells stay this far from 0 and 1, so that they can still change
 # Evidence of cells that no ray meets: any measurement is equally likely whether they are occupied or not.
 NO_EVIDENCE = {"occupied": 1.0, "empty": 1.0, "reached": 0.0, "reached_surface": 0.0, "expected": 0.0}
@@ -40,7 +40,7 @@ class BeliefMap:
 
     def __init__(self, config: StereoBayesConfig) -> None:
         self._config = config
-        # Log-odds relative to the prior's, and the largest probability with which a ray has reached the cell.
+        # Log-odds of a cell relative to the prior, and the largest probability with which a ray has reached it.
         self._grid = GrowingGrid(config.resolution_m, config.memory_limit_mb, (2,))
         self._prior = float(np.log(config.prior / (1.0 - config.prior)))
         self._count = len(range_edges(config)) - 1  # cells of a ray
@@ -55,7 +55,7 @@ class BeliefMap:
         )
 
     def noise(self, disparity_range_px: float) -> StereoNoise:
-        """The noise of the sensor, for disparities of up to `disparity_range_px`."""
+        """The noise of the sensor, whose false matches have disparities of up to `disparity_range_px`."""
         advanced = self._config.advanced.observation
         return StereoNoise(
             self._config.observation.sigma_px, advanced.p_none, advanced.p_false, disparity_range_px
@@ -68,13 +68,13 @@ class BeliefMap:
         config, count = self._config, self._count
         averaged = covariance if config.advanced.pose.blur else np.zeros((3, 3))
         camera = se2.transform_points(pose, rays.origin[None])[0]
-        radius = config.resolution_m * window_radius(self._lattice(camera), count, averaged)
+        radius = config.resolution_m * window_radius(self._ray_start(camera), count, averaged)
         self._grid.cover(np.array([camera - radius, camera + radius]), MARGIN_CELLS)
         yaw = float(pose[2])
         default = np.array([NO_EVIDENCE[name] for name in CellEvidence._fields])
         evidence = np.stack(self._evidence(camera, yaw, rays, noise))
         polar = PolarValues(evidence, default, rays.bearings + yaw)
-        (rows, cols), values = window(polar, self._lattice(camera), averaged)
+        (rows, cols), values = window(polar, self._ray_start(camera), averaged)
         cells = self._grid.values[rows, cols]
         apply_update(cells[..., 0], cells[..., 1], CellEvidence(*values), self._rule)
         self._cameras.append(camera)
@@ -88,7 +88,7 @@ class BeliefMap:
     def occupancy(self) -> OccupancyGrid:
         """The map of the visible cells, NaN elsewhere.
 
-        The probabilities that the chain expects behind surfaces are in the layer only.
+        What the chain expects behind surfaces is only in the layer.
         """
         config, probability = self._config, self.probability()
         known = self._grid.values[..., 1] >= config.advanced.map.min_visibility
@@ -117,13 +117,13 @@ class BeliefMap:
         return GridLayer(self.probability().astype(np.float32), self._grid.geometry)
 
     def _evidence(self, camera: Floats, yaw: float, rays: StereoRays, noise: StereoNoise) -> CellEvidence:
-        """The evidence of a frame for the cells of every ray, all `(m, n)`."""
+        """The evidence of a frame for the n cells of each of its m rays, `(m, n)` each; `camera` (m) and `yaw` are in the map."""
         config = self._config
-        lattice = self._lattice(camera)
+        ray_start = self._ray_start(camera)
         per_cell = self.correlation.per_cell(config.resolution_m)
         priors = priors_of_rays(
             self._grid.values[..., 0],
-            GridRays(lattice.origin, rays.bearings + yaw, lattice.first + 0.5, self._count),
+            GridRays(ray_start.origin, rays.bearings + yaw, ray_start.first + 0.5, self._count),
             self._prior,
             per_cell if config.likelihood == "chain" else 0.0,
         )
@@ -133,7 +133,7 @@ class BeliefMap:
         expected = expected_behind(evidence.reached, priors.correlation, config.prior)
         strength = config.advanced.correlation.across_rays
         if strength > 0.0:
-            ranges = np.asarray(lattice.first + 0.5 + np.arange(self._count), np.float64)
+            ranges = np.asarray(ray_start.first + 0.5 + np.arange(self._count), np.float64)
             evidence = couple_neighbouring_rays(evidence, rays.bearings, ranges, per_cell, strength)
         thickness = min(round(config.advanced.correlation.behind_m / config.resolution_m), self._count)
         reached = evidence.reached
@@ -142,9 +142,9 @@ class BeliefMap:
         )
         return CellEvidence(evidence.occupied, evidence.empty, reached, reached_surface, expected)
 
-    def _lattice(self, camera: Floats) -> Lattice:
-        """The grid as rays from `camera` (m) meet it."""
+    def _ray_start(self, camera: Floats) -> RayStart:
+        """The start of the rays from `camera` (m, map frame) in the grid."""
         resolution = self._config.resolution_m
-        return Lattice(
+        return RayStart(
             camera / resolution - self._grid.corner[::-1], self._config.min_range_m / resolution, resolution
         )

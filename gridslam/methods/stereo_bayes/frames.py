@@ -47,7 +47,7 @@ class FrameBuilder:
         self.counters: Counter[str] = Counter()
 
     def add_info(self, info: CameraInfo) -> None:
-        """Add a calibration. That of the right camera is recognised by its name, or by the baseline in P."""
+        """Add a calibration. The right camera is recognised by its name or frame, or else by the baseline in P."""
         named = side_of((info.camera, info.frame_id))
         is_right = named == "right" if named else info.P[0, 3] < 0.0
         side = self._right if is_right else self._left
@@ -59,7 +59,7 @@ class FrameBuilder:
         self._sensor_extrinsics[extrinsics.child_frame_id] = extrinsics
 
     def of_pair(self, pair: StereoPair, with_motion: bool) -> StereoFrame | None:
-        """The frame of two images; None if they cannot be used."""
+        """The frame of two images; None, and a count, if they cannot be used. `with_motion` adds visual odometry."""
         rig = self._rig(pair)
         if rig is None:
             return None
@@ -80,7 +80,10 @@ class FrameBuilder:
         return StereoFrame(pair.stamp_ns, disparity, head, step)
 
     def of_disparity(self, image: Disparity) -> StereoFrame | None:
-        """The frame of a disparity image; without calibration its centre serves as the principal point."""
+        """The frame of a disparity image; without camera_info, the principal point is assumed at the centre of the image.
+
+        None, and a count, without focal length and baseline.
+        """
         if not (image.focal_px > 0.0 and image.baseline_m > 0.0):
             self.counters["skipped.disparity.no_calibration"] += 1
             return None
@@ -140,5 +143,5 @@ class FrameBuilder:
 
 
 def _only(infos: Mapping[str, CameraInfo]) -> CameraInfo | None:
-    """The calibration of a side that has only one."""
+    """The only calibration of a side; None if there are several or none."""
     return next(iter(infos.values())) if len(infos) == 1 else None

@@ -22,9 +22,12 @@ Floats = NDArray[np.float64]
 # After this time without an absolute pose, the map's origin is placed at the robot's first pose.
 START_AFTER_NS = 3_000_000_000
 START = PoseBelief(np.zeros(3), np.diag([1e-6, 1e-6, 1e-6]))
-# For KITTI and for rooms
+# Noise of visual odometry, chosen on KITTI and in simulated rooms
 VISUAL_NOISE = RootMotionNoise(translation_m=0.02, rotation_rad=0.01, rotation_per_m_rad=0.003)
-MAX_SPEED_MPS, JUMP_TOLERANCE_M = 30.0, 0.5  # odometry has jumped if a step is longer than they allow
+MAX_SPEED_MPS, JUMP_TOLERANCE_M = (
+    30.0,
+    0.5,
+)  # a step longer than MAX_SPEED_MPS * time + JUMP_TOLERANCE_M is a jump
 FILTER = FilterSettings()
 WINDOW_NS = int(FILTER.window_s * 1e9)  # maximum delay of an absolute pose that is still used
 
@@ -43,16 +46,16 @@ class RobotPose:
             FILTER,
             None,
         )
-        # Stamp (ns), and the odometry pose or the last step of visual odometry.
-        self._last: tuple[int, Floats] | None = None
-        self._pose = np.zeros(3)  # T_odom_base without the jumps, or the sum of the visual steps
+        self._last_odometry: tuple[int, Floats] | None = None  # stamp (ns) and pose
+        self._last_step: Floats | None = None  # of visual odometry
+        self._pose = np.zeros(3)  # T_odom_base without the jumps, or the composed steps of visual odometry
         self._first_ns: int | None = None
         self._motion_counters: Counter[str] = Counter()
         self.is_visual: bool | None = {"odometry": False, "visual": True}.get(config.pose.motion)
 
     @property
     def counters(self) -> Counter[str]:
-        """Number of odometry messages and absolute poses used and skipped, of odometry jumps and of visual odometry failures."""
+        """Numbers of used and skipped odometry messages and absolute poses, odometry jumps, and failures of visual odometry."""
         return self._motion_counters + self._filter.counters
 
     def add_odometry(self, odometry: Odometry) -> None:
@@ -63,27 +66,28 @@ class RobotPose:
             self._motion_counters["skipped.odom.visual_odometry_is_used"] += 1
             return
         pose = odometry.pose
-        if self._last is not None and np.isfinite(pose).all():
-            step = se2.between(self._last[1], pose)
-            elapsed_s = (odometry.stamp_ns - self._last[0]) * 1e-9
+        if self._last_odometry is not None and np.isfinite(pose).all():
+            last_ns, last_pose = self._last_odometry
+            step = se2.between(last_pose, pose)
+            elapsed_s = (odometry.stamp_ns - last_ns) * 1e-9
             max_step_m = JUMP_TOLERANCE_M + MAX_SPEED_MPS * max(elapsed_s, 0.0)
             if float(np.hypot(step[0], step[1])) > max_step_m:
                 self._motion_counters["odometry.jumps"] += 1
             else:
                 self._pose = se2.compose(self._pose, step)
         if np.isfinite(pose).all():
-            self._last = (odometry.stamp_ns, pose)
+            self._last_odometry = (odometry.stamp_ns, pose)
         self._motion_counters["used.odom"] += 1
         self._add(odometry.stamp_ns, self._pose)
 
     def add_step(self, stamp_ns: int, step: Floats | None) -> None:
-        """Add the motion `(3,)` by visual odometry since the frame before; None (failure) repeats the previous motion."""
-        if self._last is None:
+        """Add the motion `(3,)` by visual odometry since the previous frame; None (failure) repeats the previous motion."""
+        if self._last_step is None:
             self._filter.set_noise(VISUAL_NOISE)
         if step is None:
-            self._motion_counters["visual_odometry.failures"] += int(self._last is not None)
-            step = np.zeros(3) if self._last is None else self._last[1]
-        self._last = (stamp_ns, step)
+            self._motion_counters["visual_odometry.failures"] += int(self._last_step is not None)
+            step = np.zeros(3) if self._last_step is None else self._last_step
+        self._last_step = step
         self._pose = se2.compose(self._pose, step)
         self._add(stamp_ns, self._pose)
 

@@ -14,18 +14,22 @@ from gridslam.sensors.stereo_head import MATCHED, UNKNOWN, ColumnSettings, measu
 
 Floats = NDArray[np.float64]
 
-BIN_PX = 4  # columns of pixels in a ray
+BIN_PX = 4  # columns of pixels in a bin, each of which is one ray
 # Bins with a smaller fraction of matched pixels give no evidence, not even of free space
 MIN_MATCHED_RATIO = 0.25
-MAX_HEIGHT_M = 1.0  # upper limit of the obstacle heights whose mean places the cells of a ray
+# The depths of a ray's cells are computed at the mean of low_m and high_m, of which high_m is limited to this
+MAX_HEIGHT_M = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class StereoRays:
     """The measurements of a frame that give evidence.
 
-    Bearings in the robot's frame `(m,)` (rad), ascending; disparities `(m,)` (px), NaN without a match; depths `(m, n + 1)` (m)
-    between the cells of the rays; position of the camera in the robot's frame `(2,)` (m); focal length times baseline (px m).
+    bearings: Bearings of the rays in the robot's frame `(m,)` (rad), ascending.
+    disparities_px: Disparities `(m,)`, NaN without a match.
+    edges_m: Depths `(m, n + 1)` of the borders of the rays' n cells.
+    origin: Position of the camera in the robot's frame `(2,)` (m).
+    focal_baseline: Focal length times baseline (px m).
     """
 
     bearings: Floats
@@ -36,7 +40,7 @@ class StereoRays:
 
 
 def range_edges(config: StereoBayesConfig) -> Floats:
-    """Ranges over the ground `(n + 1,)` (m) between the cells of a ray."""
+    """Horizontal ranges `(n + 1,)` (m) of the borders of a ray's n cells."""
     ranges = np.arange(config.min_range_m, config.max_range_m, config.resolution_m)
     return np.append(ranges, ranges[-1] + config.resolution_m)
 
@@ -44,7 +48,7 @@ def range_edges(config: StereoBayesConfig) -> Floats:
 class RayReader:
     """Removes floor and ceiling and selects one disparity for each bin of columns.
 
-    Counters: rays.matched, rays.without_obstacle, and rays.unknown, which are left out.
+    Counters: rays.matched, rays.without_obstacle, and rays.unknown (bins without evidence, which give no ray).
     """
 
     def __init__(self, config: StereoBayesConfig, counters: Counter[str]) -> None:

@@ -1,4 +1,4 @@
-"""Cells of the map that the cameras could see: the free space around the robot, and the surfaces that bound it."""
+"""Cells of the map that the camera could see: the free space around the robot, and the surfaces that bound it."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ EIGHT_NEIGHBOURS = np.ones((3, 3), int)
 def visible_cells(
     probability: Floats, reached: Mask, cameras: NDArray[np.int64], near: float, surface: float
 ) -> Mask:
-    """Mask `(rows, cols)` of the reached cells that are connected to the positions of the camera.
+    """Mask `(rows, cols)` of the `reached` cells that were visible from the positions of the camera.
 
-    A false match behind a wall, in a frame before the wall was known, lets a ray reach cells that are invisible: they are not
-    connected to the free space within `near` cells of any of the `cameras` `(n, 2)` (row, col). Cells that are not free are
-    visible only within `surface` cells of that free space.
+    After a false match behind a wall that was not known yet, a ray seems to have reached invisible cells. Visible free cells are
+    connected to a free cell within `near` cells of one of the `cameras` `(n, 2)` (row, col). Other visible cells lie within
+    `surface` cells of visible free cells.
     """
     free = reached & (probability < MAX_FREE)
     regions, _ = label(free, EIGHT_NEIGHBOURS)

@@ -12,13 +12,13 @@ from gridslam.kernels.stereo.polar_window import PolarWindow, averaged_over_yaw,
 
 Floats = NDArray[np.float64]
 
-SIGMAS = 3.0  # standard deviations of the pose that are averaged over
-MAX_YAW_STEPS = 64
+SIGMAS = 3.0  # largest deviation of the pose that is averaged over, in standard deviations
+MAX_YAW_STEPS = 64  # approximate largest number of yaw offsets
 ANGLES_PER_RAY = 1.5  # number of angles per ray at which the mean over the yaw is evaluated
 MIN_BLUR_CELLS = 0.3  # a smaller standard deviation has no effect
-# Largest offset from a ray in gaps of neighbouring rays: cells farther from every ray are between bins without evidence
+# Cells farther from every ray than this multiple of the gap between rays lie where bins have no evidence: no ray meets them
 MAX_OFFSET_GAPS = 0.75
-LONE_RAY_RAD = 0.005
+LONE_RAY_RAD = 0.005  # gap of a single ray
 MARGIN_CELLS = 1
 MIN_KERNEL_VARIANCE = 1e-3  # cells^2, keeps the covariance regular
 
@@ -41,50 +41,54 @@ class PolarValues:
 
 
 @dataclass(frozen=True, slots=True)
-class Lattice:
-    """The grid as the rays meet it, in cells: `origin` `(2,)` (x, y) of the rays, and the range `first` at which they start."""
+class RayStart:
+    """The start of the rays in the grid, in cells: their `origin` `(2,)` (x, y), and the range `first` at which they start."""
 
     origin: Floats
     first: float
     resolution_m: float
 
 
-def window_radius(lattice: Lattice, count: int, covariance: Floats) -> int:
-    """The largest distance (cells) from the rays' origin to a cell that a frame with rays of `count` cells changes."""
-    blur = _blur_radius(covariance[:2, :2], lattice.resolution_m)
-    return int(np.ceil(lattice.first + count)) + MARGIN_CELLS + blur
+def window_radius(ray_start: RayStart, count: int, covariance: Floats) -> int:
+    """The largest distance (cells) from the rays' origin to a cell that a frame with rays of `count` cells changes.
+
+    `covariance` `(3, 3)` is that of the pose (m, rad).
+    """
+    blur = _blur_radius(covariance[:2, :2], ray_start.resolution_m)
+    return int(np.ceil(ray_start.first + count)) + MARGIN_CELLS + blur
 
 
-def window(polar: PolarValues, lattice: Lattice, covariance: Floats) -> tuple[tuple[slice, slice], Floats]:
-    """The rows and columns of the grid that the rays meet, and the values `(c, rows, cols)` of these cells.
+def window(polar: PolarValues, ray_start: RayStart, covariance: Floats) -> tuple[tuple[slice, slice], Floats]:
+    """The rows and columns of the grid around the rays, and the values `(c, rows, cols)` of these cells.
 
-    The values are averaged over the pose's `covariance` `(3, 3)`: the yaw in steps of a ray, the position by a Gaussian.
+    The values are averaged over the pose with its `covariance` `(3, 3)`: over the yaw in steps of one ray spacing, over the
+    position by a Gaussian blur.
     """
     max_offset_rad = MAX_OFFSET_GAPS * polar.gap
     count = polar.values.shape[2]
-    yaw_offsets, weights = _yaw_offsets(covariance, lattice, polar)
+    yaw_offsets, weights = _yaw_offsets(covariance, ray_start, polar)
     if len(yaw_offsets) > 1:
         polar, max_offset_rad = _averaged(polar, max_offset_rad, yaw_offsets, weights)
-    blur = _blur_radius(covariance[:2, :2], lattice.resolution_m)
-    rows, cols = _bounds(polar, max_offset_rad, lattice, count, blur)
-    corner = np.array([cols.start, rows.start]) + 0.5 - lattice.origin
+    blur = _blur_radius(covariance[:2, :2], ray_start.resolution_m)
+    rows, cols = _bounds(polar, max_offset_rad, ray_start, count, blur)
+    corner = np.array([cols.start, rows.start]) + 0.5 - ray_start.origin
     found = window_of_rays(
         PolarWindow(polar.values, polar.default, polar.bearings, max_offset_rad),
-        lattice.first,
+        ray_start.first,
         corner,
         rows.stop - rows.start,
         cols.stop - cols.start,
     )
     if blur:
-        kernel = _blur_kernel(covariance[:2, :2] / lattice.resolution_m**2, blur)
+        kernel = _blur_kernel(covariance[:2, :2] / ray_start.resolution_m**2, blur)
         found = np.stack([cv2.filter2D(part, -1, kernel, borderType=cv2.BORDER_REPLICATE) for part in found])
     return (rows, cols), found
 
 
-def _yaw_offsets(covariance: Floats, lattice: Lattice, polar: PolarValues) -> tuple[Floats, Floats]:
+def _yaw_offsets(covariance: Floats, ray_start: RayStart, polar: PolarValues) -> tuple[Floats, Floats]:
     """Yaw offsets `(k,)` (rad), one ray spacing apart unless there are too many, and their weights `(k,)`."""
     std = float(np.sqrt(max(covariance[2, 2], 0.0)))
-    if std * (lattice.first + polar.values.shape[2]) < MIN_BLUR_CELLS:
+    if std * (ray_start.first + polar.values.shape[2]) < MIN_BLUR_CELLS:
         return np.zeros(1), np.ones(1)
     step = max(polar.gap, 2.0 * SIGMAS * std / MAX_YAW_STEPS)
     count = int(np.ceil(SIGMAS * std / step))
@@ -96,7 +100,7 @@ def _yaw_offsets(covariance: Floats, lattice: Lattice, polar: PolarValues) -> tu
 def _averaged(
     polar: PolarValues, max_offset_rad: float, yaw_offsets: Floats, weights: Floats
 ) -> tuple[PolarValues, float]:
-    """The mean over the yaw offsets, at angles closer than the rays, and the largest angle to one of them."""
+    """The mean over the yaw offsets, along more closely spaced rays, and the largest offset from them (rad)."""
     low = polar.bearings[0] + yaw_offsets.min() - max_offset_rad
     high = polar.bearings[-1] + yaw_offsets.max() + max_offset_rad
     high = min(high, low + 2.0 * np.pi)
@@ -107,14 +111,14 @@ def _averaged(
 
 
 def _bounds(
-    polar: PolarValues, max_offset_rad: float, lattice: Lattice, count: int, blur: int
+    polar: PolarValues, max_offset_rad: float, ray_start: RayStart, count: int, blur: int
 ) -> tuple[slice, slice]:
-    """The rows and columns of the sector of the rays, with a margin of `blur` cells and one more."""
+    """The rows and columns of the sector of the rays, with a margin of `blur` + MARGIN_CELLS cells."""
     low, high = float(polar.bearings[0]) - max_offset_rad, float(polar.bearings[-1]) + max_offset_rad
     quarters = 0.5 * np.pi * np.arange(np.ceil(low / (0.5 * np.pi)), np.floor(high / (0.5 * np.pi)) + 1)
     angles = np.concatenate([[low, high], quarters])
-    corners = (lattice.first + count) * np.column_stack([np.cos(angles), np.sin(angles)])
-    corners = lattice.origin + np.vstack([corners, np.zeros(2)])
+    corners = (ray_start.first + count) * np.column_stack([np.cos(angles), np.sin(angles)])
+    corners = ray_start.origin + np.vstack([corners, np.zeros(2)])
     margin = MARGIN_CELLS + blur
     first = np.floor(corners.min(axis=0)).astype(int) - margin
     last = np.floor(corners.max(axis=0)).astype(int) + margin
