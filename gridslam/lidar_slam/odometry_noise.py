@@ -30,10 +30,11 @@ def odometry_std(
 ) -> Floats:
     """Standard deviations (x, y, yaw) `(3,)` of an odometry step `(3,)` in the robot's frame, at least `min_std` `(3,)`.
 
-    They grow with the motion and with the difference from `expected_step` `(3,)`, the motion at constant velocity.
+    They grow with the motion and with the difference from `expected_step` `(3,)`, the motion at constant velocity. Beyond a metre
+    and a radian, as after a gap in the scans, they grow with the root of the motion: errors of its parts are independent.
     """
     (x, y, yaw), (expected_x, expected_y, expected_yaw) = step.tolist(), expected_step.tolist()
-    distance_m, rotation_rad = math.hypot(x, y), abs(yaw)
+    distance_m, rotation_rad = _independent(math.hypot(x, y)), _independent(abs(yaw))
     translation = (
         TRANSLATION_FLOOR_M + config.translation_per_m * distance_m + TRANSLATION_PER_RAD_M * rotation_rad
     )
@@ -41,6 +42,11 @@ def odometry_std(
     translation += ACCELERATION_NOISE * math.hypot(x - expected_x, y - expected_y)
     rotation += ACCELERATION_NOISE * min(abs(yaw - expected_yaw), math.pi)
     return np.asarray(np.maximum((translation, translation, rotation), min_std))
+
+
+def _independent(amount: float) -> float:
+    """The amount (m or rad) up to 1, its root beyond."""
+    return amount if amount <= 1.0 else math.sqrt(amount)
 
 
 def odometry_limits(config: OdometryConfig) -> OdometryLimits:

@@ -24,7 +24,9 @@ class ScanBreaks:
     def __init__(self) -> None:
         self._first_ns: int | None = None
         self._recent: deque[tuple[int, bool]] = deque(maxlen=RECENT_SCANS)
-        self._is_foreign = False
+        self._continues = (
+            False  # whether the scans before continue each other; the first ones have no map yet
+        )
         self.stamps_ns: list[int] = []
 
     def add(self, stamp_ns: int, match: ScanMatch, points: int) -> None:
@@ -36,10 +38,11 @@ class ScanBreaks:
         is_foreign = not match.is_matched or match.inlier_ratio < MAX_FOREIGN_INLIER_RATIO
         self._recent.append((stamp_ns, is_foreign))
         foreign_ns = [stamp for stamp, foreign in self._recent if foreign]
-        are_foreign = len(foreign_ns) >= MIN_FOREIGN
-        if are_foreign and not self._is_foreign:
+        if self._continues and len(foreign_ns) >= MIN_FOREIGN:
             self.stamps_ns.append(foreign_ns[0])
-        self._is_foreign = are_foreign
+            self._continues = False
+        elif len(self._recent) == RECENT_SCANS and not foreign_ns:
+            self._continues = True
 
     def doubt(self, loops_ns: NDArray[np.int64]) -> str | None:
         """The reason, in words, to distrust the path; None without a break that no loop closure spans.

@@ -26,7 +26,7 @@ from gridslam.lidar_slam.open_stretches import OpenStretches
 from gridslam.lidar_slam.packed_scans import PackedScans
 from gridslam.lidar_slam.scan_breaks import ScanBreaks
 from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
-from gridslam.lidar_slam.slips import slip_variances
+from gridslam.lidar_slam.slips import slip_variances, unscanned_variances
 from gridslam.lidar_slam.sway import MIN_HEIGHT_M, Sway, SwayObserver, levelled
 from gridslam.lidar_slam.tracked_path import TrackedPath
 from gridslam.lidar_slam.unmeasured_gaps import UnmeasuredGaps
@@ -35,7 +35,7 @@ from gridslam.sensors.lidar_beams import LidarExtrinsics, extrinsics_of
 
 Floats = NDArray[np.float64]
 
-NO_SLIP_M2 = np.zeros(2)
+NO_SLIP = np.zeros(3)
 MAX_WAIT_S = 10.0  # a scan that has waited longer for odometry is tracked without any
 
 
@@ -179,9 +179,9 @@ class ScanTracker:
         if len(self.path):
             self._observe_step(scan.stamp_ns, match, uses_odometry)
         self._breaks.add(scan.stamp_ns, match, len(scan.points))
-        slip_m2 = NO_SLIP_M2 if uses_odometry else self._slip_m2(scan.stamp_ns, match)
+        slip = self._slip(scan.stamp_ns, match, uses_odometry)
         pose = self._front_end.pose.copy()
-        self.path.append(scan.stamp_ns, pose, match, lidar_of(placed.scan), slip_m2)
+        self.path.append(scan.stamp_ns, pose, match, lidar_of(placed.scan), slip)
         is_certain = match.is_matched and match.position_std_m < FIRM_STD_M
         self._sway_observer.add_scan(placed.odometry, placed.odometry_jumped, is_certain and uses_odometry)
         height_m = self._level_heights_m.get(placed.scan.frame_id, math.nan)
@@ -197,12 +197,14 @@ class ScanTracker:
         travel_m = math.hypot(*se2.between(self.path.pose, match.pose)[:2].tolist())
         self._open_stretches.add(travel_m, max(elapsed_s, 0.0), match, uses_odometry)
 
-    def _slip_m2(self, stamp_ns: int, match: ScanMatch) -> Floats:
-        """Variances `(2,)` along x and y by which the robot may have slipped since the last scan, without odometry."""
+    def _slip(self, stamp_ns: int, match: ScanMatch, uses_odometry: bool) -> Floats:
+        """Variances `(3,)` of x, y and yaw by which the robot may have slipped since the last scan."""
         if not len(self.path):
-            return NO_SLIP_M2
-        elapsed_s = (stamp_ns - self.path.stamps_ns[-1]) * 1e-9
-        return slip_variances(se2.between(self.path.pose, match.pose), elapsed_s, match)
+            return NO_SLIP
+        step = se2.between(self.path.pose, match.pose)
+        if uses_odometry:
+            return unscanned_variances(step)
+        return slip_variances(step, (stamp_ns - self.path.stamps_ns[-1]) * 1e-9, match)
 
     def track_scan(self, placed: PlacedScan) -> PreparedScan:
         """Prepare and track a scan, and make it a key scan when one is due."""

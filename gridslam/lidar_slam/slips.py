@@ -1,4 +1,4 @@
-"""Uncertainty of matching without odometry along corridors, where the surfaces do not determine the motion."""
+"""Uncertainty of a step that matching does not determine: along corridors without odometry, and after a gap in the scans."""
 
 from __future__ import annotations
 
@@ -20,14 +20,30 @@ MAX_GAP_S = 1.0  # after a longer gap a scan may be matched elsewhere
 # Slip of a scan after a gap, or that is not matched, in any direction
 UNMATCHED_MPS, MAX_UNMATCHED_S = 0.5, 1.0
 
+# Between scans this far apart odometry alone measures the motion, and what matching finds then may be a place that looks alike
+MIN_UNSCANNED_M = 3.0
+# Errors of odometry: of the distance, relative to it, and of the heading by metre and by radian
+DISTANCE_ERROR, HEADING_PER_M_RAD, HEADING_PER_RAD = 0.1, 0.01, 0.05
+
+
+def unscanned_variances(step: Floats) -> Floats:
+    """Variances `(3,)` of x, y (m^2) and yaw (rad^2) of a step `(3,)` by odometry without scans; zero if it is short."""
+    travel_m, rotation_rad = math.hypot(*step[:2].tolist()), abs(float(step[2]))
+    if travel_m < MIN_UNSCANNED_M:
+        return np.zeros(3)
+    position_m = DISTANCE_ERROR * travel_m
+    heading_rad = HEADING_PER_M_RAD * travel_m + HEADING_PER_RAD * rotation_rad
+    return np.array([position_m, position_m, heading_rad]) ** 2
+
 
 def slip_variances(step: Floats, elapsed_s: float, match: ScanMatch) -> Floats:
-    """Variances `(2,)` (m^2) along x and y of the robot, by which a step `(3,)` over some time (s) may have slipped."""
+    """Variances `(3,)` of x, y (m^2) and yaw by which a step `(3,)` over some time (s) may have slipped; of yaw there is none."""
     if match.weakest_m is None or not match.is_matched or elapsed_s > MAX_GAP_S:
-        return np.full(2, (UNMATCHED_MPS * min(max(elapsed_s, 0.0), MAX_UNMATCHED_S)) ** 2)
+        variance_m2 = (UNMATCHED_MPS * min(max(elapsed_s, 0.0), MAX_UNMATCHED_S)) ** 2
+        return np.array([variance_m2, variance_m2, 0.0])
     if match.position_std_m < WEAK_STD_M:
-        return np.zeros(2)
+        return np.zeros(3)
     moved_m = max(math.hypot(*step[:2].tolist()), MIN_SPEED_MPS * elapsed_s)
     x, y = match.weakest_m.tolist()
     along = math.cos(math.atan2(y, x) - float(match.pose[2])) ** 2
-    return SLIP_M2_PER_M * moved_m * np.array([along, 1.0 - along])
+    return SLIP_M2_PER_M * moved_m * np.array([along, 1.0 - along, 0.0])

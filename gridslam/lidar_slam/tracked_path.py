@@ -31,23 +31,23 @@ class TrackedPath:
         self.poses: list[Floats] = []
         self.keys: list[int] = []
         self._matches: list[ScanMatch] = []
-        self._slips_m2: list[Floats] = []
+        self._slips: list[Floats] = []
         self._lidars: list[str] = []
         self._last_key_of: dict[str, int] = {}  # index of each lidar's last key scan
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
 
-    def append(self, stamp_ns: int, pose: Floats, match: ScanMatch, lidar: str, slip_m2: Floats) -> None:
+    def append(self, stamp_ns: int, pose: Floats, match: ScanMatch, lidar: str, slip: Floats) -> None:
         """Add the next scan, of the named lidar.
 
-        `slip_m2` `(2,)` are the variances along x and y by which the robot may have slipped since the scan before.
+        `slip` `(3,)` are the variances of x, y (m^2) and yaw (rad^2) by which the robot may have slipped since the scan before.
         """
         self.stamps_ns.append(stamp_ns)
         self.poses.append(pose)
         self._matches.append(match)
         self._lidars.append(lidar)
-        self._slips_m2.append(slip_m2)
+        self._slips.append(slip)
 
     def make_key(self) -> Floats:
         """Make the last scan a key scan; returns the motion `(3,)` since the previous key scan, zero for the first."""
@@ -84,9 +84,9 @@ class TrackedPath:
         return np.array(self.stamps_ns, np.int64)[self.keys]
 
     @property
-    def key_slips_m2(self) -> Floats:
-        """Variances `(k, 2)` along x and y by which the robot may have slipped before each key scan, since the one before."""
-        sums = np.cumsum(np.concatenate([np.zeros((1, 2)), np.reshape(self._slips_m2, (-1, 2))]), axis=0)
+    def key_slips(self) -> Floats:
+        """Variances `(k, 3)` of x, y and yaw by which the robot may have slipped before each key scan, since the one before."""
+        sums = np.cumsum(np.concatenate([np.zeros((1, 3)), np.reshape(self._slips, (-1, 3))]), axis=0)
         ends = np.array([0, *(key + 1 for key in self.keys)], np.int64)
         return np.asarray(np.diff(sums[ends], axis=0))
 

@@ -38,10 +38,11 @@ def breaks_of(*ratios: float, points: int = 100) -> ScanBreaks:
 @pytest.mark.parametrize(
     ("ratios", "stamps_s"),
     [
-        ((0.9, 0.9, 0.1, 0.0, 0.2, 0.9), [2]),
+        ((0.9, 0.9, 0.9, 0.9, 0.9, 0.1, 0.0, 0.2, 0.9), [5]),
+        ((0.9, 0.1, 0.0, 0.2, 0.9), []),
         ((0.9, 0.1, 0.9, 0.1, 0.9, 0.9, 0.9), []),
         ((0.9, 0.4, 0.4, 0.4, 0.4, 0.9), []),
-        ((0.1, 0.1, 0.1, 0.1, 0.9, 0.9, 0.9, 0.9, 0.0, 0.0, 0.0, 0.0), [0, 8]),
+        ((0.1, 0.1, 0.1, 0.9, 0.9, 0.9, 0.9, 0.9, 0.0, 0.0, 0.0, 0.0), [8]),
     ],
 )
 def test_several_foreign_scans_are_a_break_and_a_single_one_is_not(
@@ -55,10 +56,10 @@ def test_scans_of_few_points_show_no_break() -> None:
 
 
 def test_a_loop_across_a_break_shows_where_the_scans_belong() -> None:
-    breaks = breaks_of(0.9, 0.9, 0.1, 0.0, 0.2, 0.9)
-    assert "--end 2.0" in (breaks.doubt(NO_LOOPS) or "")
-    assert breaks.doubt(np.array([[3 * S, 5 * S]])) is not None
-    assert breaks.doubt(np.array([[0, 5 * S]])) is None
+    breaks = breaks_of(0.9, 0.9, 0.9, 0.9, 0.9, 0.1, 0.0, 0.2, 0.9)
+    assert "--end 5.0" in (breaks.doubt(NO_LOOPS) or "")
+    assert breaks.doubt(np.array([[6 * S, 8 * S]])) is not None
+    assert breaks.doubt(np.array([[0, 8 * S]])) is None
     assert breaks_of(0.9, 0.9).doubt(NO_LOOPS) is None
 
 

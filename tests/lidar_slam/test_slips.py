@@ -7,7 +7,7 @@ import pytest
 
 from gridslam.lidar_slam.front_end import ScanMatch
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
-from gridslam.lidar_slam.slips import SLIP_M2_PER_M, UNMATCHED_MPS, slip_variances
+from gridslam.lidar_slam.slips import SLIP_M2_PER_M, UNMATCHED_MPS, slip_variances, unscanned_variances
 
 STEP = np.array([0.2, 0.0, 0.0])
 
@@ -17,7 +17,7 @@ def match(weakest: tuple[float, float] | None, yaw_rad: float = 0.0) -> ScanMatc
 
 
 def test_a_match_that_is_certain_in_all_directions_has_not_slipped() -> None:
-    assert slip_variances(STEP, 0.2, match((0.005, 0.005))).tolist() == [0.0, 0.0]
+    assert slip_variances(STEP, 0.2, match((0.005, 0.005))).tolist() == [0.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize(("yaw_rad", "along"), [(0.0, 0), (0.5 * np.pi, 1), (np.pi, 0)])
@@ -29,13 +29,18 @@ def test_along_a_corridor_a_match_may_slip_in_the_corridors_direction(yaw_rad: f
 
 @pytest.mark.parametrize("found", [match(None), match((0.005, 0.0))])
 def test_after_a_gap_and_without_a_match_a_step_may_be_off_in_any_direction(found: ScanMatch) -> None:
-    assert slip_variances(STEP, 3.0, found).tolist() == [UNMATCHED_MPS**2] * 2
+    assert slip_variances(STEP, 3.0, found).tolist() == [UNMATCHED_MPS**2, UNMATCHED_MPS**2, 0.0]
 
 
 def test_slips_add_to_the_drift_of_their_steps() -> None:
     track = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
-    slips = np.array([[9.0, 9.0], [0.5, 0.0], [0.0, 0.25]])
-    plain, slipped = (
-        model.cumulative_variances(track) for model in (DriftModel(), DriftModel(slips_m2=slips))
-    )
-    assert slipped - plain == pytest.approx(np.array([[0.0, 0, 0], [0.5, 0, 0], [0.5, 0.25, 0]]))
+    slips = np.array([[9.0, 9.0, 9.0], [0.5, 0.0, 0.0], [0.0, 0.25, 0.01]])
+    plain, slipped = (model.cumulative_variances(track) for model in (DriftModel(), DriftModel(slips=slips)))
+    assert slipped - plain == pytest.approx(np.array([[0.0, 0, 0], [0.5, 0, 0], [0.5, 0.25, 0.01]]))
+
+
+def test_a_step_by_odometry_alone_is_uncertain_in_position_and_heading_once_it_is_long() -> None:
+    assert unscanned_variances(np.array([1.0, 0.0, 1.0])).tolist() == [0.0, 0.0, 0.0]
+    x, y, yaw = np.sqrt(unscanned_variances(np.array([-16.0, 12.0, 2.0]))).tolist()
+    assert x == y == pytest.approx(2.0)
+    assert yaw == pytest.approx(0.3)

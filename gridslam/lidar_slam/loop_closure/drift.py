@@ -21,14 +21,14 @@ class DriftModel:
     """Random walks: standard deviations after one metre of travel, and the heading's per radian of rotation.
 
     On recorded logs (offices and corridors, 0.3 to 2 km) loops move the track by 0.5 to 1.3 of the standard deviations
-    that these numbers predict. `slips_m2` `(n, 2)` are further variances of x and y of one track's steps, each up to a pose and
+    that these numbers predict. `slips` `(n, 3)` are further variances of x, y and yaw of one track's steps, each up to a pose and
     in its frame.
     """
 
     translation_m: float = 0.02
     rotation_rad: float = 0.003
     rotation_per_rad: float = 0.01
-    slips_m2: Floats | None = field(default=None, compare=False)
+    slips: Floats | None = field(default=None, compare=False)
 
     @staticmethod
     def of(config: LoopClosureConfig) -> DriftModel:
@@ -44,7 +44,7 @@ class DriftModel:
             self.rotation_rad**2 * distance + (self.rotation_per_rad * rotation) ** 2 + MIN_STEP_STD_RAD**2
         )
         variances = np.stack([translation, translation, heading], axis=1)
-        if self.slips_m2 is not None:
-            variances[:, :2] += self.slips_m2[1:]
+        if self.slips is not None:
+            variances += self.slips[1:]
         sums = np.cumsum(variances, axis=0)
         return np.concatenate([np.zeros((1, 3)), sums])

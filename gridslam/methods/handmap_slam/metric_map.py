@@ -44,7 +44,7 @@ def finish_map(config: HandmapSlamConfig, tracker: ScanTracker) -> MetricMap:
     optimised = None
     resolution = config.map.resolution_m
     memory_limit_mb = config.advanced.memory_limit_mb
-    drift = replace(DriftModel.of(config.advanced.loop_closure), slips_m2=tracker.path.key_slips_m2)
+    drift = replace(DriftModel.of(config.advanced.loop_closure), slips=tracker.path.key_slips)
     if config.pose_graph.enabled:
         optimised = close_trajectory(tracker.key_scans, key_poses, drift=drift)
         key_poses = optimised.poses

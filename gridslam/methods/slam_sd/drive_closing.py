@@ -114,7 +114,7 @@ class DriveClosing:
     @property
     def _track_drift(self) -> DriftModel:
         """The drift of this drive's track, with what it may have slipped without odometry."""
-        return replace(self._drift, slips_m2=self.tracker.path.key_slips_m2)
+        return replace(self._drift, slips=self.tracker.path.key_slips)
 
     def _optimised(self, key_poses: Floats) -> tuple[ClosedTrajectory, dict[str, object]]:
         """The key scans after loop closure, given their poses `(k, 3)`, and its measures; moved objects give no constraint."""
