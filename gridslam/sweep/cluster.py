@@ -24,9 +24,9 @@ _log = logging.getLogger(__name__)
 def run_on_cluster(jobs: Sequence[Job], address: str, stop: Stop) -> Iterator[tuple[int, JobResult]]:
     """Run jobs on the workers of a scheduler; yields the index and result of each job as it finishes.
 
-    Workers need the same version of gridslam, and the sweep's files under the same paths. A job whose worker dies is repeated
-    on another; a job that has killed several workers (Dask's `distributed.scheduler.allowed-failures`) fails.
-    Raises ConfigError: Dask is not installed, or the scheduler cannot be reached. MethodError: the scheduler was lost.
+    Workers need the same version of gridslam, and the sweep's files at the same paths. A job whose worker dies is repeated on
+    another; a job that has killed several workers (Dask's `distributed.scheduler.allowed-failures`) fails. Raises ConfigError if
+    Dask is not installed or the scheduler cannot be reached, and MethodError if the connection to the scheduler is lost.
     """
     client = _connect(address)
     finished: queue.SimpleQueue[Any] = queue.SimpleQueue()
@@ -91,6 +91,9 @@ def _result(future: Any) -> JobResult:
 
 
 def _do_on_worker(job: Job) -> JobResult:
-    """Run a job, one at a time per process, since numba's thread pool serves one caller. (`--nthreads 1` wastes nothing.)"""
+    """Run a job, one at a time per process, since numba's thread pool serves one caller.
+
+    Other threads of the worker wait, so workers started with `--nthreads 1` lose nothing.
+    """
     with _one_at_a_time:
         return do(job, lambda: False)

@@ -19,7 +19,7 @@ from gridslam.logs.find import find_logs
 from gridslam.sweep.gates import SweepGate, parse_sweep_gate
 
 MAX_SEEDS = 100_000
-# Planned before the first begins: a run takes about a millisecond of it, a world that is made by its seed some 60
+# All jobs are created before the first starts, in about 1 ms for a run and 60 ms for a world that is generated from its seed
 MAX_RUNS, MAX_SIMULATIONS = 100_000, 10_000
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+=-]*(\.[A-Za-z0-9_+=-]+)*")
 
@@ -78,7 +78,7 @@ class LogEntry(StrictModel):
 
 
 class Evaluation(StrictModel):
-    """Options of the measures, as of `gridslam evaluate`."""
+    """Options of the evaluation, as for `gridslam evaluate`."""
 
     former_keys: ClassVar[Mapping[str, str]] = {"reach_m": "completeness_radius_m"}
 
@@ -98,7 +98,7 @@ class Evaluation(StrictModel):
 
 
 class Requirement(StrictModel):
-    """A gate for some of the runs only."""
+    """A gate (`that`) for the runs of this log, config and override; for any of them where it is None."""
 
     that: str
     log: str | None = None
@@ -129,7 +129,7 @@ class SweepConfig(StrictModel):
     @field_validator("configs", mode="before")
     @classmethod
     def _named_configs(cls, value: object) -> object:
-        """Names for a list of configs, from their files: slam-sd; paper/slam-sd becomes paper-slam-sd."""
+        """The configs by name, for a list without names: a config is named after its file, and paper/slam-sd as paper-slam-sd."""
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
             return value
         names = [_name_of_config(item) for item in value]
@@ -139,7 +139,7 @@ class SweepConfig(StrictModel):
     @field_validator("seeds", mode="before")
     @classmethod
     def _seed_range(cls, value: object) -> object:
-        """The seeds of a range such as `0..19`."""
+        """The seeds as a list, from a range such as `0..19` or a single number."""
         match = (
             re.fullmatch(r"\s*(\d{1,18})\s*\.\.\s*(\d{1,18})\s*", value) if isinstance(value, str) else None
         )
@@ -214,7 +214,7 @@ def load_sweep(path: Path) -> SweepConfig:
 
 
 def _with_found_logs(document: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The document with an entry for each log that a path, a pattern or a folder of logs means."""
+    """The document with one entry for each log, where an entry has a pattern or a folder of logs."""
     logs = document.get("logs")
     if not isinstance(logs, list):
         return document

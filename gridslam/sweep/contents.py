@@ -1,4 +1,4 @@
-"""Hashes of the inputs of a run: the same contents give the same run, whatever the names of the files."""
+"""Hashes of the contents of a run's inputs, whatever the names of the files: equal hashes give equal runs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _WITHOUT_EFFECT_ON_RESULTS = frozenset({"cli", "sweep"})
 
 
 def content_key(**parts: Any) -> str:
-    """The hash of plain values."""
+    """The hash of named values in JSON types."""
     text = json.dumps(parts, sort_keys=True, ensure_ascii=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -45,7 +45,7 @@ class Hashes:
         self._known: dict[Path, str] = {}
 
     def of(self, path: Path) -> str:
-        """The hash of a file, or of all files of a folder with their names. Raises ConfigError: unreadable."""
+        """The hash of a file, or of all files of a folder with their names. Raises ConfigError if one cannot be read."""
         if path not in self._known:
             try:
                 self._known[path] = _hash_of_folder(path) if path.is_dir() else sha256_of(path)

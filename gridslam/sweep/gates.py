@@ -18,7 +18,10 @@ _OF_GROUP = re.compile(r"\s*([a-z_0-9]+)\(\s*([A-Za-z_][\w.-]*)\s*\)\s*(\S.*)")
 
 @dataclass(frozen=True, slots=True)
 class SweepGate:
-    """A bound on each run, or with `statistic` on each group of seeds; `log`, `config` and `override` restrict it unless None."""
+    """A bound on each run, or with a `statistic` on each group of seeds.
+
+    It holds for the runs of this `log`, `config` and `override`; for any of them where it is None.
+    """
 
     gate: Gate
     statistic: str = ""
@@ -35,7 +38,10 @@ class SweepGate:
 def parse_sweep_gate(
     text: str, log: str | None = None, config: str | None = None, override: str | None = None
 ) -> SweepGate:
-    """The gate of a text: `KEY<=NUMBER` for every run, `STATISTIC(KEY)<=NUMBER` for every group. Raises ConfigError."""
+    """The gate of a text: `KEY<=NUMBER` for every run, or `STATISTIC(KEY)<=NUMBER` for every group.
+
+    Raises ConfigError if the text is neither, or the statistic is unknown.
+    """
     match = _OF_GROUP.fullmatch(text)
     if match is None:
         return SweepGate(parse_gate(text), "", log, config, override)
@@ -46,9 +52,9 @@ def parse_sweep_gate(
 
 
 def failed_gates(gates: Iterable[SweepGate], rows: Sequence[RunRow], groups: Sequence[Group]) -> list[str]:
-    """A line for each gate that fails, with the run or group. Failed runs are skipped, since they have no measures.
+    """A line for each run or group that fails a gate, and for each gate that applies to no run.
 
-    A missing measure fails every gate.
+    Failed runs are skipped, since they have no measures. In other runs a missing measure fails the gate.
     """
     return [line for gate in gates for line in _failures(gate, rows, groups)]
 

@@ -15,8 +15,8 @@ State = Literal["done", "failed", "not run"]
 class JobResult:
     """The result of a job, or the error with which it failed.
 
-    `measures` has the measures by dotted key, `cost` times (s) and memory (MB). Costs differ between repetitions and are kept
-    in a table of their own.
+    `measures` are by dotted key; `cost` has times (s) and memory (MB). Costs differ between repetitions, and are in a separate
+    table.
     """
 
     state: State

@@ -21,7 +21,10 @@ from gridslam.sweep.contents import Hashes, content_key, program_key
 
 @dataclass(frozen=True, slots=True)
 class SimulateJob:
-    """Simulation of a world with a seed; writes log.mcap and log.truth/ into `directory`."""
+    """Simulation of a world with a seed, which writes log.mcap and log.truth/ into `directory`.
+
+    `key` is the hash of everything that it depends on, `program` that of the program.
+    """
 
     label: str
     key: str
@@ -48,7 +51,11 @@ class TruthFiles:
 
 @dataclass(frozen=True, slots=True)
 class RunJob:
-    """A run and its evaluation. `key` is the hash of what the run depends on; `evaluation_key` includes the evaluation."""
+    """A run and its evaluation.
+
+    `key` is the hash of everything that the run depends on; `evaluation_key` includes the evaluation; `program` is the hash of
+    the program alone.
+    """
 
     log: str
     config: str
@@ -75,7 +82,7 @@ class RunJob:
 
 @dataclass(frozen=True, slots=True)
 class RunSettings:
-    """A config with one set of overrides and one seed."""
+    """A config with one set of overrides and one seed; `document` has its resolved settings."""
 
     config: str
     override: str
@@ -85,7 +92,7 @@ class RunSettings:
 
 
 def settings_of_sweep(sweep: SweepConfig, folder: Path) -> list[RunSettings]:
-    """All combinations of config, override and seed, checked. Raises ConfigError."""
+    """All combinations of config, override and seed. Raises ConfigError if one is invalid or lacks an input."""
     html = f"output.html={'true' if sweep.html else 'false'}"
     found = []
     for (config, source), (override, items) in product(sweep.configs.items(), sweep.overrides.items()):
@@ -100,7 +107,7 @@ def settings_of_sweep(sweep: SweepConfig, folder: Path) -> list[RunSettings]:
 
 
 def _check_method(sweep: SweepConfig, name: str) -> bool:
-    """Whether the method needs a map. Raises ConfigError: it does not support the command, or a log lacks what it needs."""
+    """Whether the method needs a map. Raises ConfigError if it does not support the command, or a log lacks one of its inputs."""
     entry = registry.METHODS[name]
     if not (entry.mapper if sweep.command == "map" else entry.localizer):
         raise ConfigError(f"command: {name} has no `gridslam {sweep.command}`")
@@ -117,7 +124,7 @@ def _check_method(sweep: SweepConfig, name: str) -> bool:
 
 
 def simulations(sweep: SweepConfig, folder: Path, output: Path, hashes: Hashes) -> Iterator[SimulateJob]:
-    """The simulation jobs. Raises ConfigError: a world is invalid."""
+    """The simulation jobs. Raises ConfigError if a world is invalid."""
     for entry in sweep.logs:
         if entry.world is None:
             continue
@@ -146,9 +153,13 @@ def run_job(
 ) -> RunJob:
     """The job of one run of a sweep: a log of the sweep with the settings of a run.
 
-    Paths are relative to `folder`, that of the sweep's file; simulated logs and results are in `output`. `entry` is the log,
-    `settings` name method, overrides and seed; `hashes` keeps those of files. Raises ConfigError or MapError: one of its files
-    cannot be read.
+    folder: Folder of the sweep file; its paths are relative to it.
+    output: Directory of the sweep, with simulated logs and results.
+    entry: The log.
+    settings: Config, overrides and seed.
+    hashes: The hashes of files read so far.
+
+    Raises ConfigError or MapError if one of the job's files cannot be read.
     """
     if entry.world is None:
         log = folder / (entry.log or "")
@@ -193,7 +204,7 @@ def run_job(
 
 @dataclass(frozen=True, slots=True)
 class _Places:
-    """Resolves paths of an entry: relative to the sweep file; `{truth}` is the folder beside the log."""
+    """Resolves the paths of an entry: they are relative to the sweep file, and `{truth}` is the folder beside the log."""
 
     folder: Path
     truth_folder: Path

@@ -56,7 +56,7 @@ def run_locally(jobs: Sequence[Job], processes: int, stop: Stop) -> Iterator[tup
 
 @dataclass(slots=True)
 class _Worker:
-    """A worker process, this end of the pipe to it, and the index of the job it is working on."""
+    """A worker process, our end of the pipe to it, and the index of its current job, None if it is idle."""
 
     process: SpawnProcess
     pipe: Connection
@@ -74,13 +74,13 @@ class _Worker:
         return _Worker(process, parent_end)
 
     def send(self, index: int, job: Job) -> None:
-        """Give the process a job, which has this index."""
+        """Send the process the job with this index."""
         self.job = index
         with suppress(OSError):  # it died while idle; `result` detects this
             self.pipe.send(job)
 
     def result(self) -> JobResult:
-        """Wait for the result of the job; if the process has died, a failure, and `is_lost` is set."""
+        """The result of the current job, when it is finished; if the process has died, a failure, and `is_lost` is set."""
         self.job = None
         try:
             result = self.pipe.recv()
@@ -92,7 +92,7 @@ class _Worker:
         return result
 
     def end(self) -> None:
-        """End the process. A busy one is terminated and has EXIT_TIMEOUT_S to clean up."""
+        """End the process. A busy process is terminated, and killed if it has not cleaned up within EXIT_TIMEOUT_S."""
         self.pipe.close()
         if self.job is not None:
             self.process.terminate()

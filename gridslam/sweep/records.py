@@ -20,14 +20,14 @@ from gridslam.sweep.job_result import JobResult
 from gridslam.sweep.jobs import RunJob, SimulateJob
 
 MARKER, FORMAT, VERSION = "sweep.json", "gridslam sweep", 1
-MAX_MEASURE = 1e150  # so that its square is a number
+MAX_MEASURE = 1e150  # largest value that is read, so that its square is finite
 
 
 @contextmanager
 def sweep_directory(path: Path) -> Iterator[Path]:
     """Create or open the directory of a sweep and lock it for this process.
 
-    Raises ConfigError: it exists and is not a sweep directory, is not writable, or is in use by another sweep.
+    Raises ConfigError if it exists and is not a sweep directory, is not writable, or is in use by another sweep.
     """
     try:
         if path.exists() and (not path.is_dir() or (any(path.iterdir()) and not _is_sweep(path))):
@@ -73,8 +73,7 @@ class Records:
     def result(self, job: RunJob | SimulateJob) -> JobResult | None:
         """The recorded result of a job; None if the job has to run. Failed jobs are not recorded."""
         record = self._read(job)
-        key = job.evaluation_key if isinstance(job, RunJob) else job.key
-        if record.get("evaluation_key") != key or not job.directory.is_dir():
+        if record.get("evaluation_key") != _evaluation_key(job) or not job.directory.is_dir():
             return None
         return JobResult("done", measures=record["measures"], cost=record["cost"])
 
@@ -89,8 +88,7 @@ class Records:
             path.unlink(missing_ok=True)
             return
         path.parent.mkdir(parents=True, exist_ok=True)
-        evaluation_key = job.evaluation_key if isinstance(job, RunJob) else job.key
-        document = {"key": job.key, "evaluation_key": evaluation_key, "label": job.label}
+        document = {"key": job.key, "evaluation_key": _evaluation_key(job), "label": job.label}
         write_atomic(path, json_bytes({**document, "measures": result.measures, "cost": result.cost}))
 
     def _path(self, job: RunJob | SimulateJob) -> Path:
@@ -109,6 +107,11 @@ class Records:
         if not is_whole or not all(map(_is_measure, document["measures"].items())):
             return {}
         return document if all(map(_is_measure, document["cost"].items())) else {}
+
+
+def _evaluation_key(job: RunJob | SimulateJob) -> str:
+    """The hash of everything that the recorded result depends on."""
+    return job.evaluation_key if isinstance(job, RunJob) else job.key
 
 
 def _is_measure(item: tuple[str, object]) -> bool:

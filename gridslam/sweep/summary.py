@@ -26,7 +26,7 @@ class Measure:
     values: Mapping[str, float]
 
     def statistic(self, name: str) -> float | None:
-        """One of STATISTICS; None if it is not defined for this measure (such as the rate of a length)."""
+        """The statistic with a name of STATISTICS; None if it is not defined for this measure (such as the rate of a length)."""
         return {**self.values, "n": self.n, "missing": self.missing}.get(name)
 
 
@@ -65,7 +65,7 @@ def _group(log: str, config: str, override: str, rows: Sequence[RunRow], success
 
 
 def _measure(found: Sequence[object]) -> Measure | None:
-    """Statistics of numbers or Booleans; None for text. A value that is absent, null or NaN counts as missing."""
+    """Statistics of numbers or Booleans; None if any value is text. An absent value, null or NaN counts as missing."""
     values = [
         float(value) for value in found if isinstance(value, (bool, int, float)) and math.isfinite(value)
     ]

@@ -28,7 +28,7 @@ NOT_RUN = JobResult("not run")
 
 @dataclass(frozen=True, slots=True)
 class SweepResult:
-    """All runs in the order of the sweep file, their groups, and the failed gates; `document` is summary.json."""
+    """All runs in the order of the sweep file, their groups, and lines on the failed gates; `document` is summary.json."""
 
     rows: Sequence[RunRow]
     groups: Sequence[Group]
@@ -57,38 +57,47 @@ def run_sweep(
 ) -> SweepResult:
     """Run the jobs that are not done yet, and write the tables.
 
-    `folder`: paths in the sweep file are relative to it. `output`: directory of the sweep. `run`: executes jobs
-    (`run_locally`, `run_on_cluster`). `report`: called with a line for each finished job. `stop`: returns true to stop.
-    `gates`: gates beside those of the file. Raises ConfigError before the first job starts.
+    folder: Paths in the sweep file are relative to it.
+    output: Directory of the sweep.
+    run: Executes jobs (`run_locally`, `run_on_cluster`).
+    report: Called with a line for each finished job.
+    stop: Returns true to stop.
+    gates: Gates in addition to those of the file.
+
+    Raises ConfigError before the first job starts.
     """
     settings = settings_of_sweep(sweep, folder)
     directory, hashes = real_path(output), Hashes()
     worlds = list(simulations(sweep, folder, directory, hashes))
     combinations = list(product(sweep.logs, settings))
-    # Runs on existing logs are planned first, so that their errors are reported before any simulation.
+    # Jobs on existing logs are created first, so that their errors are reported before any simulation.
     planned = {
-        place: run_job(sweep, folder, output=directory, entry=entry, settings=one, hashes=hashes)
-        for place, (entry, one) in enumerate(combinations)
+        index: run_job(sweep, folder, output=directory, entry=entry, settings=run_settings, hashes=hashes)
+        for index, (entry, run_settings) in enumerate(combinations)
         if entry.world is None
     }
     with sweep_directory(directory):
         work = _Work(Records(directory), run, report, stop)
-        made = dict(zip([job.directory for job in worlds], work.results(worlds), strict=True))
-        lost: dict[int, JobResult] = {}
-        for place, (entry, one) in enumerate(combinations):
-            if entry.world is not None:
-                found = made[simulated(directory, entry.label, one.seed)]
-                if found.state != "done":
-                    lost[place] = _without_log(found)
-                else:
-                    planned[place] = run_job(
-                        sweep, folder, output=directory, entry=entry, settings=one, hashes=hashes
-                    )
+        simulation_results = dict(zip([job.directory for job in worlds], work.results(worlds), strict=True))
+        without_log: dict[int, JobResult] = {}
+        for index, (entry, run_settings) in enumerate(combinations):
+            if entry.world is None:
+                continue
+            simulation = simulation_results[simulated(directory, entry.label, run_settings.seed)]
+            if simulation.state != "done":
+                without_log[index] = _without_log(simulation)
+            else:
+                planned[index] = run_job(
+                    sweep, folder, output=directory, entry=entry, settings=run_settings, hashes=hashes
+                )
         results = (
             dict(zip(sorted(planned), work.results([planned[i] for i in sorted(planned)]), strict=True))
-            | lost
+            | without_log
         )
-        rows = [_row(sweep, entry, one, results[i]) for i, (entry, one) in enumerate(combinations)]
+        rows = [
+            _row(sweep, entry, run_settings, results[i])
+            for i, (entry, run_settings) in enumerate(combinations)
+        ]
         return _finish(sweep, directory, rows, [*sweep.gates(), *gates])
 
 
@@ -123,6 +132,7 @@ def _describe(result: JobResult) -> str:
 
 
 def _without_log(simulation: JobResult) -> JobResult:
+    """The result of a run whose log was not simulated."""
     if simulation.state == "not run":
         return NOT_RUN
     return JobResult("failed", f"the simulation of its log failed: {simulation.error}")

@@ -14,7 +14,7 @@ from gridslam.report.document import json_bytes, plain
 from gridslam.sweep.job_result import RunRow
 from gridslam.sweep.summary import NUMBERS, RATES, Group
 
-PLACE = ("log", "config", "override")
+GROUP_COLUMNS = ("log", "config", "override")
 COSTS = ("wall_s", "cpu_s", "peak_mb", "read_s", "process_s")
 
 
@@ -26,18 +26,18 @@ def write_tables(
     write_atomic(folder / "runs.json", json_bytes({"runs": [_run_document(row) for row in rows]}))
     _write_csv(folder / "summary.csv", *summary_table(groups))
     write_atomic(folder / "summary.json", json_bytes(document))
-    costs = [[*_place(row), row.seed, *(row.result.cost.get(name) for name in COSTS)] for row in rows]
-    _write_csv(folder / "costs.csv", (*PLACE, "seed", *COSTS), costs)
+    costs = [[*_group_of(row), row.seed, *(row.result.cost.get(name) for name in COSTS)] for row in rows]
+    _write_csv(folder / "costs.csv", (*GROUP_COLUMNS, "seed", *COSTS), costs)
 
 
 def run_table(rows: Sequence[RunRow]) -> tuple[list[str], list[list[object]]]:
     """Columns and rows: log, config, override, seed, state, error, and all measures of any run."""
     keys = list(dict.fromkeys(key for row in rows for key in row.measures))
     lines: list[list[object]] = [
-        [*_place(row), row.seed, row.result.state, row.result.error, *(row.measures.get(k) for k in keys)]
+        [*_group_of(row), row.seed, row.result.state, row.result.error, *(row.measures.get(k) for k in keys)]
         for row in rows
     ]
-    return [*PLACE, "seed", "state", "error", *keys], lines
+    return [*GROUP_COLUMNS, "seed", "state", "error", *keys], lines
 
 
 def summary_table(groups: Iterable[Group]) -> tuple[list[str], list[list[object]]]:
@@ -50,14 +50,14 @@ def summary_table(groups: Iterable[Group]) -> tuple[list[str], list[list[object]
         for group in groups
         for key, measure in group.measures.items()
     ]  # fmt: skip
-    return [*PLACE, "key", "n", "missing", *NUMBERS, *RATES], lines
+    return [*GROUP_COLUMNS, "key", "n", "missing", *NUMBERS, *RATES], lines
 
 
 def summary_document(groups: Iterable[Group]) -> list[dict[str, Any]]:
     """The groups as JSON values; None for a statistic without a value."""
     return [
         {
-            **dict(zip(PLACE, (group.log, group.config, group.override), strict=True)),
+            **dict(zip(GROUP_COLUMNS, (group.log, group.config, group.override), strict=True)),
             "runs": group.runs,
             "done": group.done,
             "measures": {
@@ -71,9 +71,9 @@ def summary_document(groups: Iterable[Group]) -> list[dict[str, Any]]:
 
 def _run_document(row: RunRow) -> dict[str, Any]:
     result = row.result
-    place = dict(zip(PLACE, _place(row), strict=True))
+    group = dict(zip(GROUP_COLUMNS, _group_of(row), strict=True))
     return {
-        **place,
+        **group,
         "seed": row.seed,
         "state": result.state,
         "error": result.error,
@@ -81,7 +81,7 @@ def _run_document(row: RunRow) -> dict[str, Any]:
     }
 
 
-def _place(row: RunRow) -> tuple[str, str, str]:
+def _group_of(row: RunRow) -> tuple[str, str, str]:
     return row.log, row.config, row.override
 
 
@@ -94,7 +94,7 @@ def _write_csv(path: Path, columns: Sequence[str], lines: Iterable[Sequence[obje
 
 
 def _cell(value: object) -> str:
-    """The text of a cell: floats in the shortest form that reads back exactly, empty without a value."""
+    """The text of a cell: floats in the shortest form that reads back exactly; empty for None, NaN and infinities."""
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return ""
     if isinstance(value, bool):

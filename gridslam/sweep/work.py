@@ -20,9 +20,9 @@ Stop: TypeAlias = Callable[[], bool]
 
 
 def do(job: Job, stop: Stop) -> JobResult:
-    """Run a job and return its result; an error fails only this job.
+    """Run a job and return its result; an error fails only this job. `stop` returns true to interrupt it.
 
-    The process runs one job at a time. Only KeyboardInterrupt is not turned into a `JobResult`.
+    The process runs one job at a time. Of all exceptions, only KeyboardInterrupt is passed on.
     """
     from gridslam.report.environment import peak_memory_mb, restart_peak_memory
 
@@ -78,7 +78,7 @@ def _run(job: RunJob, stop: Stop) -> JobResult:
 
 
 def _make(job: RunJob, stop: Stop) -> dict[str, float]:
-    """Write the run directory; returns the times (s) of its parts. Raises KeyboardInterrupt when stopped."""
+    """Write the run directory; returns the times (s) of reading and processing. Raises KeyboardInterrupt when stopped."""
     from gridslam.report.write import write_run
     from gridslam.runs.inputs import read_inputs
     from gridslam.runs.run import run_localize, run_map
@@ -99,7 +99,7 @@ def _make(job: RunJob, stop: Stop) -> dict[str, float]:
 
 
 def _measure(job: RunJob) -> dict[str, float | int | bool | str | None]:
-    """Measures by dotted key: report facts (`run.`), the method's measures (`method.`), errors against ground truth."""
+    """Measures by dotted key: facts of the report (`run.`), the method's measures (`method.`), errors against ground truth."""
     import json
 
     from gridslam.evaluation.document import evaluate, without_nan
