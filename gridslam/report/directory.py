@@ -31,8 +31,8 @@ MIN_FREE_BYTES = 64 << 20  # size of a large map with its layers, pictures and r
 def check_free(directory: Path, force: bool, inputs: Iterable[Path] = ()) -> Identity | None:
     """Raise ConfigError unless a run may be written here: a new path, an empty folder, or with `force` an earlier run.
 
-    An earlier run that contains one of the `inputs` is never replaced. The check is made before a run and again before writing.
-    Returns the identity of the path now, by which writing notices that another process has written it since.
+    A run that contains one of the `inputs` is never replaced. The check is made before a run and again before writing. Returns
+    the current identity of the path, by which `new_run_directory` notices that another process has written it since.
     """
     check_name(directory)
     if directory.is_symlink() and not directory.exists():
@@ -66,9 +66,9 @@ def is_run_directory(directory: Path) -> bool:
 def new_run_directory(directory: Path, force: bool = False, before: Identity | None = ANY) -> Iterator[Path]:
     """A temporary folder beside `directory`, renamed to it at the end of the block, removed after an error.
 
-    An earlier run is deleted only after the new one is in place. Remains of killed runs are removed. `before` is what
-    `check_free` found before the run. Raises ConfigError as `check_free`, or if the folder cannot be created, or if another
-    process has written it since.
+    An earlier run is deleted only after the new one is in place. Remains of killed runs are removed. `before` is the identity
+    that `check_free` returned before the run. Raises ConfigError as `check_free` does, or if the folder cannot be created, or if
+    another process has written it since.
     """
     target = real_path(directory)
     check_free(target, force)

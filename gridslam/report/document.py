@@ -19,10 +19,11 @@ from gridslam.report.errors_over_time import errors_of
 from gridslam.runs.run import Run
 
 FORMAT_VERSION = 1
+MIN_OCCUPIED = 0.65  # smallest probability of an occupied cell, as in map.yaml
 
 
 def report_document(run: Run, write_s: float) -> dict[str, Any]:
-    """The content of report.json. Only this and report.html have timings and memory."""
+    """The content of report.json; `write_s` is the time of writing (s). Only it and report.html have timings and memory."""
     return {
         "format": REPORT_FORMAT,
         "format_version": FORMAT_VERSION,
@@ -88,7 +89,7 @@ def map_facts(run: Run) -> dict[str, Any] | None:
         "cols": cols,
         "resolution_m": grid.geometry.resolution_m,
         "known_m2": float(known.sum() * cell_m2),
-        "occupied_cells": int((grid.probability[known] >= 0.65).sum()),
+        "occupied_cells": int((grid.probability[known] >= MIN_OCCUPIED).sum()),
     }
 
 

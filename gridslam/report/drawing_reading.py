@@ -29,7 +29,7 @@ MAX_TICKS = 12
 
 
 def reading_document(path: Path, drawing: Drawing, drawn: DrawnMap) -> dict[str, object]:
-    """Findings of reading the drawing, for JSON."""
+    """What was found in the drawing, as a JSON document."""
     reading = drawn.reading
     assert reading is not None
     return {
@@ -90,7 +90,7 @@ def _draw_ticks(
     size: tuple[float, float],
     pixels: tuple[int, int],
 ) -> None:
-    """The drawing frame: x below the drawing, y to its left, both from the lower left corner."""
+    """Draw the axes of the drawing frame: x below the drawing, y to its left, both from the lower left corner."""
     (width, height), (left, top) = pixels, (MARGIN_PX, MARGIN_PX // 2)
     step = _tick_step(max(size))
     draw.rectangle((left - 1, top - 1, left + width, top + height), outline=GRID)

@@ -17,7 +17,7 @@ from gridslam.runs.run import Run
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """APE at stamps `(n,)`, n > 0, and the alignment that was applied."""
+    """Absolute pose errors at n > 0 stamps `(n,)`, and the kind of alignment that was applied."""
 
     stamps_ns: NDArray[np.int64]
     ape: PoseErrors

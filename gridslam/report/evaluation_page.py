@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import jinja2
 from markupsafe import Markup
 
 from gridslam.core.errors import ConfigError
@@ -19,7 +18,6 @@ from gridslam.core.files import (
     refuse_to_replace,
     write_atomic,
 )
-from gridslam.core.texts import visible
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.gates import measures_of
 from gridslam.evaluation.headline import text_of, unit_of
@@ -32,15 +30,16 @@ from gridslam.report.figures.evaluation_plots import (
     path_error_drawing,
     relative_drawing,
 )
+from gridslam.report.page import page_bytes
 
 TEMPLATE = "evaluation.html.j2"
 DOCUMENT_NAME, PAGE_NAME = "evaluation.json", "evaluation.html"
 
 
 def check_evaluation_free(directory: Path, force: bool, inputs: Iterable[Path] = ()) -> None:
-    """Raise ConfigError unless an evaluation may be written here: a new path, an empty folder, or with `force` an earlier one.
+    """Raise ConfigError unless an evaluation may be written here: a new path, an empty folder, or with `force` an evaluation.
 
-    An earlier one that contains one of the `inputs` is never replaced.
+    An evaluation that contains one of the `inputs` is never replaced.
     """
     check_name(directory)
     if not directory.exists() or (directory.is_dir() and not any(directory.iterdir())):
@@ -63,10 +62,13 @@ def write_evaluation(
     answers: Sequence[str] = (),
     force: bool = False,
 ) -> None:
-    """Write the folder `directory`; it appears when it is complete. An existing one is replaced with `force` only.
+    """Write an evaluation; the folder appears when it is complete. An existing evaluation is only replaced with `force`.
 
-    `documents` are the measures (with `remarks`) of each result by name, `trajectories` those with a true trajectory `truth`,
-    `output` is what evaluation.json holds, `answers` are the lines about gates.
+    directory: The folder.
+    documents: The measures (with `remarks`) of each result by name.
+    trajectories: The results that were compared with the true trajectory `truth`.
+    output: The content of evaluation.json.
+    answers: The lines about gates.
     """
     check_evaluation_free(directory, force)
     target = real_path(directory)
@@ -80,18 +82,15 @@ def write_evaluation(
             write_atomic(folder / f"{stem}.svg", svg.encode(errors="replace"))
             plots.append(Markup(svg))
         write_atomic(folder / DOCUMENT_NAME, json_bytes(output))
-        page = (
-            _environment()
-            .get_template(TEMPLATE)
-            .render(
-                names=list(documents),
-                rows=_rows(documents),
-                remarks={name: document.get("remarks", []) for name, document in documents.items()},
-                answers=answers,
-                plots=plots,
-            )
+        page = page_bytes(
+            TEMPLATE,
+            names=list(documents),
+            rows=_rows(documents),
+            remarks={name: document.get("remarks", []) for name, document in documents.items()},
+            answers=answers,
+            plots=plots,
         )
-        write_atomic(folder / PAGE_NAME, visible(page).encode(errors="replace"))
+        write_atomic(folder / PAGE_NAME, page)
         put_folder(folder, target)
 
 
@@ -115,13 +114,3 @@ def _rows(documents: Mapping[str, dict[str, Any]]) -> list[tuple[str, str, list[
     flat = [measures_of(document) for document in documents.values()]
     keys = list(dict.fromkeys(key for measures in flat for key in measures))
     return [(key, unit_of(key), [text_of(measures.get(key)) for measures in flat]) for key in keys]
-
-
-def _environment() -> jinja2.Environment:
-    return jinja2.Environment(
-        loader=jinja2.PackageLoader("gridslam.report"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )

@@ -8,23 +8,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
 from gridslam.core.files import write_atomic
 from gridslam.core.nested import flatten
-from gridslam.core.texts import visible
 from gridslam.report.errors_over_time import errors_of
 from gridslam.report.figures.path_plot import path_plot
 from gridslam.report.figures.plots import Line, time_plot
 from gridslam.report.marks import untrusted_stretches
+from gridslam.report.page import page_bytes
 from gridslam.runs.run import Run
 from gridslam.runs.run_counts import Counts
 
 TEMPLATE = "report.html.j2"
-# Of series, which come first
+# Notes on series; the series that have one are plotted before the others
 NOTES = {
     "inlier_ratio": "fraction of each scan that agrees with the map",
     "confidence": "of the pose, from 0 to 1",
@@ -51,15 +50,9 @@ class EmbeddedPicture:
 
 def write_html(path: Path, run: Run, document: Mapping[str, Any]) -> None:
     """Write the page; map.png and the method's pictures are read from the same folder."""
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("gridslam.report"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     picture = path.with_name("map.png")
-    page = environment.get_template(TEMPLATE).render(
+    page = page_bytes(
+        TEMPLATE,
         run=document,
         map_png=base64.b64encode(picture.read_bytes()).decode() if picture.exists() else "",
         pictures=list(pictures(run, path.parent)),
@@ -70,7 +63,7 @@ def write_html(path: Path, run: Run, document: Mapping[str, Any]) -> None:
         measures=dict(flatten(document["measures"])),
         files=sorted(item.name for item in path.parent.iterdir()),
     )
-    write_atomic(path, visible(page).encode(errors="replace"))  # file names may have bytes that are not text
+    write_atomic(path, page)
 
 
 def pictures(run: Run, folder: Path) -> Iterator[EmbeddedPicture]:

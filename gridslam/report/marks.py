@@ -15,12 +15,12 @@ from gridslam.methods.base import RunResult
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MAX_STRETCHES = 20  # in the list
+MAX_STRETCHES = 20  # largest number of stretches in the list
 
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """A part of the path that the method does not trust: seconds since the start, and where it begins."""
+    """A part of the path that the method does not trust: times since the start (s), and position of its first pose."""
 
     first_s: float
     last_s: float

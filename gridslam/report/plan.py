@@ -27,15 +27,15 @@ from gridslam.report.text_files import write_table
 
 Floats = NDArray[np.float64]
 
-SPACING = 0.05  # m or rad between sampled poses
+SPACING = 0.05  # largest distance between sampled poses: m, or rad in a turn on the spot
 SEGMENT_COLUMNS = (
     "kind", "x", "y", "yaw", "length_m", "radius_m", "angle_rad", "enter_mps", "top_mps", "leave_mps", "time_s",
 )  # fmt: skip
 FOOTPRINT_SPACING_M = 0.5
 END = "\n}"  # the end of an indented JSON document
-BORDER_M = 1.5
-WIDTH_PX, HEIGHTS_PX = 760, (240, 760)
-# On the longer side of the picture
+BORDER_M = 1.5  # of the map around the path
+WIDTH_PX, HEIGHTS_PX = 760, (240, 760)  # width, smallest and largest height of the picture
+# Largest number of footprints and of points on a straight path along the longer side of the picture
 MAX_FOOTPRINTS_ACROSS, MAX_POINTS_ACROSS = 200, 1000
 START_COLOUR, GOAL_COLOUR, FOOTPRINT_COLOUR = "#1e9646", "#cd2d2d", "#8fb6e3"
 END_PX = 5.0  # radius of start and goal
@@ -43,7 +43,7 @@ CIRCLE_POINTS = 33
 
 
 def plan_document(plan: PlannedPath, map_path: Path, spacing: float = SPACING) -> dict[str, Any]:
-    """The plan as JSON: segments, candidates, and poses with their times."""
+    """The plan as a JSON document: segments, candidates, and poses with their times; `spacing` as SPACING."""
     times, poses, speeds = plan.path.sampled(spacing)
     rows = np.column_stack([times, poses[:, :2], wrap_angle(poses[:, 2]), speeds])
     return {
@@ -91,7 +91,7 @@ def write_plan(
     """Write the `plan` to `directory`: path.csv, segments.csv, path.png and report.json.
 
     `occupancy` is the map read from `map_path`; `discs` `(d, 3)` cover the robot: centre x, y in its frame, and radius (m).
-    Raises ConfigError as `new_run_directory` does, which `force` and `before` are for.
+    `force`, `before` and the ConfigError raised are those of `new_run_directory`.
     """
     times, poses, speeds = plan.path.sampled(SPACING)
     rows = np.column_stack([times, poses[:, :2], wrap_angle(poses[:, 2]), speeds]).tolist()
@@ -105,7 +105,7 @@ def write_plan(
 
 
 def _indented(document: dict[str, Any]) -> str:
-    """The bytes of `json.dumps` with an indent of 2, whose encoder in Python would take seconds for the poses of a long path."""
+    """The same text as `json.dumps` with an indent of 2, whose Python encoder would take seconds for the poses of a long path."""
     text = json.dumps({**document, "poses": []}, indent=2, allow_nan=False)
     poses = json.dumps(document["poses"], separators=(",\n      ", ": "), allow_nan=False)
     rows = poses[2:-2].replace("},\n      {", "\n    },\n    {\n      ")

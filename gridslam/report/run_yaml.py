@@ -33,7 +33,7 @@ def write_run_yaml(path: Path, run: Run) -> None:
 
 
 def command_again(run: Run) -> str:
-    """The command that reproduces the result of a run; for an exploration the command that maps its log."""
+    """The command that reproduces the result of a run; for an exploration, the command that maps its log."""
     command = "map" if run.command == "explore" else run.command
     logs = [path.name for path in (*run.earlier_logs, run.log_path)]
     words = ["gridslam", command, *logs, "-c", FILE_NAME]
@@ -43,9 +43,9 @@ def command_again(run: Run) -> str:
 
 
 def settings_of(config: RunConfig[BaseModel]) -> dict[str, Any]:
-    """The resolved settings in YAML types; reading them gives the same configuration.
+    """The resolved settings in YAML types, from which the same configuration can be read.
 
-    The section `log` has only the keys that were set, since an absent key there means "find it in the log".
+    The section `log` has only the keys that were set, since the value of an absent key is found in the log.
     """
     document = config.model_dump(mode="json")
     document["log"] = config.log.model_dump(mode="json", exclude_unset=True)

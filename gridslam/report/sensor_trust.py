@@ -8,9 +8,9 @@ from typing import Any
 
 
 def sensor_summary(motion: Mapping[str, Any]) -> str | None:
-    """The `motion` measures of a run in a line: scans matched by lidar, and what predicted them with its error a scan.
+    """The `motion` measures of a run in a line: the matched scans of each lidar, and the error per scan of each prediction.
 
-    None for a method that follows no lidar.
+    None for a method that does not match lidar scans.
     """
     lidars = motion.get("lidars")
     if not lidars:

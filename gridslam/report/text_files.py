@@ -15,7 +15,7 @@ from gridslam.core.stamps import format_stamp
 from gridslam.core.trajectory import Trajectory
 from gridslam.methods.base import Table
 
-ROWS_PER_BLOCK = 10_000  # written at once, so that a long file is never in memory
+ROWS_PER_BLOCK = 10_000  # rows written at once, so that a long file is never in memory as a whole
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
@@ -45,7 +45,7 @@ def write_table(path: Path, table: Table) -> None:
 
 
 def _csv_blocks(table: Table) -> Iterator[bytes]:
-    """The file of a table in blocks of rows."""
+    """The bytes of a table's CSV file, in blocks of rows."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     stamps = [column == "stamp_ns" for column in table.columns]

@@ -87,7 +87,7 @@ class _Odometry:
 
 
 def corrections_of(trajectory: Trajectory, odometry: Trajectory) -> Trajectory:
-    """T_map_odom at the stamps of a trajectory; poses outside the time of the odometry have none."""
+    """T_map_odom at those stamps of a trajectory that lie within the time of the odometry."""
     path = trajectory.sorted()
     T_odom_base, inside = odometry.at(path.stamps_ns)
     T_map_odom = se2.compose(path.poses[inside], se2.inverse(T_odom_base[inside]))
@@ -95,7 +95,7 @@ def corrections_of(trajectory: Trajectory, odometry: Trajectory) -> Trajectory:
 
 
 def _latched(run: Run, log: Log, start_ns: int) -> Iterator[Encoded]:
-    """Messages that are valid for the whole log, with its first stamp."""
+    """Messages that are valid for the whole log, with the stamp `start_ns`."""
     for extrinsics in log.sensor_extrinsics:
         if extrinsics.frame_id != extrinsics.child_frame_id:
             yield from encode(_at(extrinsics, start_ns))

@@ -20,9 +20,9 @@ Floats = NDArray[np.float64]
 WALL, DOOR, TAG, ROUTE, PERSON, CAMERA = "#1c2028", "#1e6ec8", "#d9661f", "#2f9e44", "#cd2d2d", "#7048e8"
 WIDTH_PX, HEIGHTS_PX = 1120, (200, 1120)
 CIRCLE_POINTS = 33
-# A picture with more lines would be black; each takes some 10 us to draw
+# Largest numbers of pieces of walls, and of route points with numbers: with more, the picture would be black and slow to draw
 MAX_SEGMENTS, MAX_NUMBERS = 100_000, 1000
-HEADING_RATIO = 0.015  # length of a line that shows a heading, to the longer side of the world
+HEADING_RATIO = 0.015  # length of a line that shows a heading, as a fraction of the longer side of the world
 
 
 def draw_world(world: WorldConfig, folder: Path, output: Path) -> None:
@@ -59,7 +59,7 @@ def draw_world(world: WorldConfig, folder: Path, output: Path) -> None:
 
 
 def _shapes(scene: Scene) -> list[Curve]:
-    """Walls and furniture, doors and what else moves."""
+    """Curves of walls and furniture, of moving segments (doors), and of circles."""
     bearing = np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS)
     curves = [
         Curve(ends[:, 0], ends[:, 1], WALL, width=1.0) for ends in scene.static_segments.reshape(-1, 2, 2)

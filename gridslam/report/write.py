@@ -38,8 +38,10 @@ def write_run(
     """Write all files of a run; the directory appears when they are complete. Returns the document of report.json.
 
     `further`: files and folders that are moved into the directory (log and ground truth of an exploration).
-    `before`: what `check_free` found there before the run. Raises ConfigError: the directory exists or cannot be written;
-    MethodError, which names the package of the method: a part of its result cannot be written.
+    `before`: the identity that `check_free` returned before the run.
+
+    Raises ConfigError if the directory exists or cannot be written; and MethodError, which names the package of the method, if a
+    part of its result cannot be written.
     """
     with naming(package_of(run.config.method_name), passed=(OSError,)):
         return _write_run(run, directory, force, further, before)
@@ -73,7 +75,7 @@ def _write_run(
 
 
 def write_map_files(run: Run, folder: Path) -> None:
-    """Write map.pgm, map.yaml and layers.npz if the run built a map, and map.png also of a given map.
+    """Write map.pgm, map.yaml and layers.npz if the run built a map, and map.png of this or a given map.
 
     Further maps and pictures of the method are written under their own names.
     """

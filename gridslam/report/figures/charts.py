@@ -18,7 +18,7 @@ from gridslam.report.figures.drawn_shapes import (
     Raster,
     Shape,
     Stroke,
-    Words,
+    TextLine,
     text_width,
 )
 from gridslam.report.figures.plots import Axis, axis_of, plane_axes
@@ -119,11 +119,11 @@ def _chart(
     shapes: list[Shape] = []
     at = top + MARGIN
     if chart.title:
-        shapes.append(Words(MARGIN, at + TITLE, chart.title, TITLE))
+        shapes.append(TextLine(MARGIN, at + TITLE, chart.title, TITLE))
         at += LINE_PX + TITLE - TEXT
     entries, at = _legend(chart.legend, width, at)
     shapes += entries
-    shapes.append(Words(MARGIN, at + TEXT, chart.y_label, TEXT))
+    shapes.append(TextLine(MARGIN, at + TEXT, chart.y_label, TEXT))
     upper, lower = at + LINE_PX + TICK_PX, at + LINE_PX + TICK_PX + height
     last = width - MARGIN - TEXT
     if chart.scale is not None:
@@ -136,7 +136,7 @@ def _chart(
         shapes += _marks(curve, x, y)
     for at_x, at_y, text in chart.notes:
         at_px = x.at(np.array([at_x])), y.at(np.array([at_y]))
-        shapes.append(Words(float(at_px[0][0]) + START_PX, float(at_px[1][0]) - START_PX, text, NOTE))
+        shapes.append(TextLine(float(at_px[0][0]) + START_PX, float(at_px[1][0]) - START_PX, text, NOTE))
     if chart.scale is not None:
         shapes += _colour_bar(chart.scale, last + SCALE_GAP_PX, upper, lower)
     return shapes, lower + 2 * LINE_PX + TICK_PX
@@ -193,13 +193,13 @@ def _frame(chart: Chart, x: Axis, y: Axis) -> list[Shape]:
     for at, text in _ticks(x, max(X_TICK_PX, 1.3 * _widest(_ticks(x, X_TICK_PX)))):
         shapes.append(Stroke(np.array([[at, y.last], [at, y.first]]), GRID_COLOUR, GRID_PX))
         half = 0.5 * text_width(text, TEXT)
-        shapes.append(Words(min(max(at, half), x.last + TEXT - half), below, text, TEXT, "middle"))
+        shapes.append(TextLine(min(max(at, half), x.last + TEXT - half), below, text, TEXT, "middle"))
     for at, text in _ticks(y, Y_TICK_PX, chart.is_log):
         shapes.append(Stroke(np.array([[x.first, at], [x.last, at]]), GRID_COLOUR, GRID_PX))
-        shapes.append(Words(x.first - 2 * TICK_PX, at + 4, text, TEXT, "end"))
+        shapes.append(TextLine(x.first - 2 * TICK_PX, at + 4, text, TEXT, "end"))
     corner = np.array([[x.first, y.last], [x.first, y.first], [x.last, y.first]])
     shapes.append(Stroke(corner, INK, 1.0))
-    shapes.append(Words(x.last, names, chart.x_label, TEXT, "end"))
+    shapes.append(TextLine(x.last, names, chart.x_label, TEXT, "end"))
     return shapes
 
 
@@ -228,7 +228,7 @@ def _legend(entries: Sequence[Curve], width: int, top: int) -> tuple[list[Shape]
         y = top + TEXT - 4
         sample = np.array([[at, y], [at + SAMPLE_PX, y]], np.float64)
         shapes.append(Stroke(sample, entry.colour, 2.0, entry.is_dashed))
-        shapes.append(Words(at + SAMPLE_PX + TICK_PX, top + TEXT, label, TEXT))
+        shapes.append(TextLine(at + SAMPLE_PX + TICK_PX, top + TEXT, label, TEXT))
         at += needed
     return shapes, top + LINE_PX if entries else top
 
@@ -254,7 +254,7 @@ def _colour_bar(scale: ColourScale, left: float, upper: float, lower: float) -> 
     ]
     for at, text in _ticks(axis, Y_TICK_PX):
         shapes.append(Stroke(np.array([[left + SCALE_PX, at], [left + SCALE_PX + TICK_PX, at]]), INK, 1.0))
-        shapes.append(Words(left + SCALE_PX + 2 * TICK_PX, at + 4, text, TEXT))
+        shapes.append(TextLine(left + SCALE_PX + 2 * TICK_PX, at + 4, text, TEXT))
     end = left + SCALE_PX + SCALE_TEXT_PX
-    shapes.append(Words(end, upper - TICK_PX - 6, scale.label, TEXT, "end"))
+    shapes.append(TextLine(end, upper - TICK_PX - 6, scale.label, TEXT, "end"))
     return shapes

@@ -9,9 +9,9 @@ from gridslam.report.figures.charts import ColourScale, Curve
 
 Floats = NDArray[np.float64]
 
-LEVELS = 24  # colours of a path
+LEVELS = 24  # number of colours of a path
 WIDTH_PX = 3.0
-# From dark violet over green to yellow, about as bright as they are far along: also read in grey.
+# From dark violet through green to yellow, increasingly bright, so that the scale can also be read in grey
 COLOURS = np.array(
     [
         *((68, 1, 84), (71, 44, 122), (59, 81, 139), (44, 113, 142), (33, 144, 141)),
@@ -21,9 +21,9 @@ COLOURS = np.array(
 
 
 def coloured_curves(points: Floats, values: Floats, label: str) -> tuple[list[Curve], ColourScale]:
-    """The path through points `(n, 2)` as curves of nearly equal value `(n,)`, and the scale of their colours.
+    """The path through points `(n, 2)`, divided into curves of nearly equal `values` `(n,)`, and the scale of their colours.
 
-    These are far fewer curves than one for each step.
+    These are far fewer curves than one for each step of the path.
     """
     along = np.linspace(0.0, len(COLOURS) - 1.0, LEVELS)
     rgb = [np.interp(along, np.arange(len(COLOURS)), column) for column in COLOURS.T]

@@ -23,10 +23,10 @@ from gridslam.maps.picture import ink
 
 Floats = NDArray[np.float64]
 
-PNG_SCALE = 2  # pixels of the PNG for a pixel of the SVG: sharp on a dense screen and in print
-PNG_LEVEL = 4  # of compression: higher ones take longer and save little
+PNG_SCALE = 2  # pixels of the PNG along each side of a pixel of the SVG: sharp on a dense screen and in print
+PNG_LEVEL = 4  # level of compression: higher levels take longer and save little
 DASH_PX, GAP_PX = 6.0, 4.0
-MAX_DASHED_PX = 200_000.0  # length of a line from which on it covers its own gaps
+MAX_DASHED_PX = 200_000.0  # a longer line is drawn without gaps, since it covers them itself
 INK, PAPER = "#3c424c", "#ffffff"
 
 
@@ -62,8 +62,8 @@ class Area:
 
 
 @dataclass(frozen=True, slots=True)
-class Words:
-    """A line of text on its base line at y, which starts, ends or has its middle at x."""
+class TextLine:
+    """A line of text with its base line at y; its `anchor` (start, middle or end) is at x. `size` is that of the font (px)."""
 
     x: float
     y: float
@@ -74,19 +74,19 @@ class Words:
 
 @dataclass(frozen=True, slots=True)
 class Raster:
-    """Colours `(rows, cols, 3)` whose upper left corner is at (x, y), `PNG_SCALE` of them side by side to a pixel of the SVG."""
+    """Colours `(rows, cols, 3)` whose upper left corner is at (x, y), `PNG_SCALE` of them along each side of an SVG pixel."""
 
     x: float
     y: float
     colours: ink.Canvas
 
 
-Shape: TypeAlias = Stroke | Disc | Area | Words | Raster
+Shape: TypeAlias = Stroke | Disc | Area | TextLine | Raster
 
 
 @dataclass(frozen=True, slots=True)
 class DrawnSheet:
-    """Shapes in the order in which they cover each other, on a white sheet."""
+    """Shapes on a white sheet of a width and height in pixels of the SVG; later shapes cover earlier ones."""
 
     width: int
     height: int
@@ -142,12 +142,12 @@ def png_of(drawing: DrawnSheet) -> bytes:
     """The drawing as a PNG of `PNG_SCALE` times its size."""
     canvas = np.full((drawing.height * PNG_SCALE, drawing.width * PNG_SCALE, 3), 255, np.uint8)
     for shape in drawing.shapes:
-        if not isinstance(shape, Words):
+        if not isinstance(shape, TextLine):
             _paint(canvas, shape)
     picture = Image.fromarray(canvas)
     draw = ImageDraw.Draw(picture)
     for shape in drawing.shapes:
-        if isinstance(shape, Words):
+        if isinstance(shape, TextLine):
             at = shape.x * PNG_SCALE, shape.y * PNG_SCALE
             anchor = {"start": "ls", "middle": "ms", "end": "rs"}[shape.anchor]
             draw.text(at, visible(shape.text), fill=INK, font=_font(shape.size * PNG_SCALE), anchor=anchor)
@@ -181,7 +181,7 @@ def _paint(canvas: ink.Canvas, shape: Stroke | Disc | Area | Raster) -> None:
 
 
 def _dashes(points: Floats, dash_px: float, gap_px: float) -> Iterator[Floats]:
-    """The parts of a polyline `(n, 2)` that a dashed line shows; all of one that would cover its own gaps."""
+    """The dashes of a polyline `(n, 2)`; the whole polyline if it is so long that it would cover its own gaps."""
     travel = cumulative_distance(points)
     if travel[-1] > MAX_DASHED_PX:
         yield points

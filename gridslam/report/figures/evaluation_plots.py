@@ -22,8 +22,8 @@ Floats = NDArray[np.float64]
 MAX_POINTS = 1000  # largest number of points drawn of a path
 TRUTH_COLOUR = "#555555"
 COLOURS = ("#1e6ec8", "#d9661f", "#2f9e44", "#c2255c", "#7048e8", "#0b8599", "#a17c00", "#e64980")
-LENGTHS = 8  # lengths of sub-trajectories in the plot of relative errors
-SHORTEST, LONGEST = 0.02, 0.5  # of the path
+LENGTHS = 8  # number of lengths of sub-trajectories in the plot of relative errors
+SHORTEST, LONGEST = 0.02, 0.5  # of these lengths, as fractions of the length of the path
 WIDTH, PLANE_HEIGHT, ERROR_HEIGHT, RELATIVE_HEIGHT = 760, 520, 170, 230  # px
 POINT_PX = 2.5
 

@@ -13,7 +13,9 @@ from gridslam.report.figures.plots import PlanePath, plane_plot
 from gridslam.runs.run import Run
 
 RESULT_COLOUR, ODOMETRY_COLOUR, TRUTH_COLOUR = "#1e6ec8", "#d9661f", "#555555"
-FIRST_POSES = 5  # the odometry is aligned to the first of these poses of the result that it covers
+FIRST_POSES = (
+    5  # the odometry is aligned with the first of these poses of the result that lies within its time
+)
 
 
 def path_plot(run: Run) -> str | None:

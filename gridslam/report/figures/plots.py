@@ -20,10 +20,10 @@ Floats = NDArray[np.float64]
 
 MAX_POINTS = 2000
 COLOURS = ("#1e6ec8", "#d9661f", "#2f9e44", "#7048e8")
-WIDTH, HEIGHT = 420, 190  # units of a plot over time
+WIDTH, HEIGHT = 420, 190  # size of a plot over time, px
 PLANE_HEIGHT = 320
-LEFT, RIGHT, TOP, BOTTOM = 50, 10, 22, 34
-X_TICKS, Y_TICKS = 6, 5
+LEFT, RIGHT, TOP, BOTTOM = 50, 10, 22, 34  # margins around the axes, px
+X_TICKS, Y_TICKS = 6, 5  # largest number of ticks of an axis
 MIN_SPAN = 1e-9  # smallest span of an axis, relative to its values
 
 
@@ -81,7 +81,7 @@ def time_plot(lines: Sequence[Line], y_label: str) -> str:
 
 
 def plane_plot(paths: Sequence[PlanePath]) -> str:
-    """An SVG element with paths in the x-y plane, in equal scales."""
+    """An SVG element with paths in the x-y plane, with the same scale on both axes."""
     thinned = [path.xy_m[_kept(path.xy_m)] for path in paths]
     points = np.concatenate([xy for xy in thinned if len(xy)] or [np.zeros((1, 2))])
     x, y = plane_axes(points, (LEFT, WIDTH - RIGHT), (PLANE_HEIGHT - BOTTOM, TOP))
@@ -93,7 +93,7 @@ def plane_plot(paths: Sequence[PlanePath]) -> str:
 
 
 def plane_axes(points: Floats, x_px: tuple[float, float], y_px: tuple[float, float]) -> tuple[Axis, Axis]:
-    """Axes of one scale around points `(n, 2)` in metres, between positions of the picture."""
+    """Axes with the same scale around points `(n, 2)` in metres, between the pixels `x_px` and `y_px` (first, last)."""
     low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
     width, height = x_px[1] - x_px[0], y_px[0] - y_px[1]
     span = float(max((high - low) / np.array([width, height]), default=0.0)) * 1.06 or 1.0 / width
@@ -131,16 +131,19 @@ def _kept(xy_m: Floats) -> NDArray[np.int64]:
 
 
 def axis_of(values: Floats, first: float, last: float) -> Axis:
-    """The axis of values `(n,)` between the pixels `first` and `last`, with some room above and below the values."""
+    """The axis of values `(n,)` between the pixels `first` and `last`, padded above and below the values.
+
+    A smallest value of 0 has no padding below it.
+    """
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
-    room = 0.04 * (high - low)
-    if not room > MIN_SPAN * max(abs(low), abs(high), MIN_SPAN):
-        room = 0.5 * max(abs(low), abs(high)) or 1.0
-    return Axis(0.0 if low == 0.0 else low - room, high + room, first, last)
+    padding = 0.04 * (high - low)
+    if not padding > MIN_SPAN * max(abs(low), abs(high), MIN_SPAN):
+        padding = 0.5 * max(abs(low), abs(high)) or 1.0
+    return Axis(0.0 if low == 0.0 else low - padding, high + padding, first, last)
 
 
 def _round_up(step: float) -> float:
-    """The smallest of 1, 2, 5 times a power of ten that is not smaller."""
+    """The smallest value of 1, 2, 5 or 10 times a power of ten that is at least `step`."""
     power = 10.0 ** np.floor(np.log10(step))
     return float(power * min(n for n in (1, 2, 5, 10) if n * power >= step * (1 - 1e-9)))
 

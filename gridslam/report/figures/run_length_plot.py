@@ -8,7 +8,7 @@ from gridslam.maps.occupancy_correlation import CorrelationFit
 from gridslam.report.figures.charts import Chart, Curve, draw_charts
 from gridslam.report.figures.drawn_shapes import png_of
 
-MIN_PROBABILITY = 1e-3  # at which the curves end
+MIN_PROBABILITY = 1e-3  # probability at which the curves end
 WIDTH, HEIGHT = 640, 320  # px
 
 

@@ -17,7 +17,7 @@ from gridslam.report.figures.drawn_shapes import (
     Disc,
     DrawnSheet,
     Stroke,
-    Words,
+    TextLine,
     png_of,
     svg_of,
     text_width,
@@ -56,7 +56,7 @@ def test_everything_lies_on_the_sheet(scale: float, origin: float) -> None:
             if isinstance(shape, Stroke):
                 assert (shape.points >= 0.0).all()
                 assert (shape.points <= [drawing.width, drawing.height]).all()
-            elif isinstance(shape, Words):
+            elif isinstance(shape, TextLine):
                 width = text_width(shape.text, shape.size)
                 left = shape.x - {"start": 0.0, "middle": 0.5, "end": 1.0}[shape.anchor] * width
                 assert left >= 0.0
@@ -83,7 +83,7 @@ def test_charts_below_each_other_have_one_x_axis_and_long_names_keep_their_ends(
     drawing = drawings(truth + np.array([0.0, 0.1, 0.001]), truth, "very/long/" * 60 + "b.tum")[1]
     curves = [s.points for s in drawing.shapes if isinstance(s, Stroke) and len(s.points) == 50]
     assert {(points[0, 0], points[-1, 0]) for points in curves} == {(curves[0][0, 0], curves[0][-1, 0])}
-    name = next(s for s in drawing.shapes if isinstance(s, Words) and "b.tum" in s.text)
+    name = next(s for s in drawing.shapes if isinstance(s, TextLine) and "b.tum" in s.text)
     assert name.text.startswith("...")
     assert name.size == TEXT
     assert text_width(name.text, TEXT) < drawing.width / 2
@@ -114,7 +114,7 @@ def test_what_lies_behind_the_curves_of_a_plane_is_at_its_place_in_both_formats(
 def test_an_axis_of_logarithms_has_powers_of_ten() -> None:
     curve = Curve(np.arange(4.0), np.array([0.0, -1.0, -2.0, -2.9]), "#000000")
     drawing = draw_charts([Chart([curve], "x", "y", is_log=True)], 300, 200)
-    assert {"1", "0.1", "0.01"} <= {shape.text for shape in drawing.shapes if isinstance(shape, Words)}
+    assert {"1", "0.1", "0.01"} <= {shape.text for shape in drawing.shapes if isinstance(shape, TextLine)}
 
 
 def test_a_dashed_line_that_covers_its_own_gaps_is_drawn_without_them() -> None:
