@@ -17,7 +17,7 @@ from gridslam.cli.main import main
 from gridslam.core.errors import ConfigError
 from gridslam.sweep import cluster as cluster_module
 from gridslam.sweep.cluster import run_on_cluster
-from tests.sweep.test_local import command, eventually, tables
+from tests.sweep.test_local import command, tables, wait_until
 
 pytest.importorskip("distributed", reason="Dask is not installed: pip install 'gridslam[dask]'")
 
@@ -60,7 +60,7 @@ class Cluster:
         log = folder / "scheduler.log"
         options = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
         self.scheduler = stack.enter_context(started(log, "scheduler", *options))
-        eventually(lambda: re.search(rb"Scheduler at:\s+(tcp://\S+)", log.read_bytes()))
+        wait_until(lambda: re.search(rb"Scheduler at:\s+(tcp://\S+)", log.read_bytes()))
         found = re.search(rb"Scheduler at:\s+(tcp://\S+)", log.read_bytes())
         assert found is not None
         self.address = found[1].decode()
@@ -69,7 +69,7 @@ class Cluster:
         log = self.folder / f"{name}.log"
         options = ("--no-nanny", "--nthreads", "1", "--name", name, "--no-dashboard")
         worker = self.stack.enter_context(started(log, "worker", self.address, *options))
-        eventually(lambda: b"Registered to" in log.read_bytes())
+        wait_until(lambda: b"Registered to" in log.read_bytes())
         return worker
 
 
@@ -91,7 +91,7 @@ def test_a_worker_killed_in_mid_run_loses_nothing(sweep_file: Path, tmp_path: Pa
         text=True,
     ) as process:
         # It has ended one run and is at the next
-        eventually(lambda: list(output.glob("records/**/*.json")) or process.poll() is not None)
+        wait_until(lambda: list(output.glob("records/**/*.json")) or process.poll() is not None)
         first.send_signal(signal.SIGKILL)
         cluster.add_worker("second")
         out, err = process.communicate(timeout=240)
@@ -113,7 +113,7 @@ def test_a_scheduler_that_goes_away_is_reported(sweep_file: Path, tmp_path: Path
                 text=True,
             )
         )
-        eventually(lambda: list(output.glob("records/**/*.json")) or process.poll() is not None)
+        wait_until(lambda: list(output.glob("records/**/*.json")) or process.poll() is not None)
         gone.scheduler.kill()
         _, err = process.communicate(timeout=120)
     assert process.returncode == 4
