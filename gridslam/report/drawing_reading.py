@@ -29,7 +29,7 @@ MAX_TICKS = 12
 
 
 def reading_document(path: Path, drawing: Drawing, drawn: DrawnMap) -> dict[str, object]:
-    """What was found in the drawing, as a JSON document."""
+    """The findings in the drawing, as a JSON document."""
     reading = drawn.reading
     assert reading is not None
     return {

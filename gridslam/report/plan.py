@@ -20,7 +20,8 @@ from gridslam.methods.base import Table
 from gridslam.planning.arcs_and_lines import PlannedPath
 from gridslam.planning.path import ArcLinePath, Segment
 from gridslam.report.directory import REPORT_FORMAT, REPORT_NAME, new_run_directory
-from gridslam.report.figures.charts import Chart, Curve, draw_charts
+from gridslam.report.figures.chart_data import Chart, Curve
+from gridslam.report.figures.charts import draw_charts
 from gridslam.report.figures.coloured_curves import coloured_curves
 from gridslam.report.figures.drawn_shapes import png_of
 from gridslam.report.text_files import write_table

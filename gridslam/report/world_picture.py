@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.files import write_atomic
-from gridslam.report.figures.charts import Chart, Curve, draw_charts
+from gridslam.report.figures.chart_data import Chart, Curve
+from gridslam.report.figures.charts import draw_charts
 from gridslam.report.figures.drawn_shapes import png_of
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.world_config import WorldConfig

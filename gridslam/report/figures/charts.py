@@ -1,14 +1,14 @@
-"""Charts of curves over a value or in the plane: axes with round ticks, a title, a legend, a scale of colours."""
+"""Draws charts: axes with round ticks, a title, a legend, a scale of colours."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.maps.picture.ink import Canvas
+from gridslam.report.figures.chart_data import Chart, ColourScale, Curve
 from gridslam.report.figures.drawn_shapes import (
     INK,
     PNG_SCALE,
@@ -25,76 +25,24 @@ from gridslam.report.figures.plots import Axis, axis_of, plane_axes
 
 Floats = NDArray[np.float64]
 
-TEXT, TITLE, NOTE = 12, 15, 9  # heights of letters, px
+TEXT, TITLE, NOTE = 12, 15, 9  # font sizes, px
 LINE_PX = 20  # height of a line of text
 MARGIN, TICK_PX = 12, 4
 X_TICK_PX, Y_TICK_PX = 90, 35  # approximate distance between ticks
-SAMPLE_PX = 26  # length of a line in the legend
+SAMPLE_PX = 26  # length of a sample of a curve in the legend
 START_PX = 4.0  # radius of the point at which a curve starts
 MAX_LABEL_PX = 330  # largest width of a name in the legend
-MIN_SCALE_SPAN = (
-    1e-3  # smallest span of the values of a colour scale: smaller differences have the same colour
-)
 GRID_COLOUR, GRID_PX = "#d5d9df", 0.7
 ROWS_AT_ONCE = 64  # rows of background pixels computed together: they take 100 bytes a pixel
-# Width of the scale of colours, its distance and its texts
+# Widths of the scale of colours, of the gap before it, and of its texts
 SCALE_PX, SCALE_GAP_PX, SCALE_TEXT_PX = 14, 14, 60
 
 
-@dataclass(frozen=True, slots=True)
-class Curve:
-    """A line through (x, y) `(n,)`, with points or a point at its start, and a label for the legend (empty: none)."""
-
-    x: Floats
-    y: Floats
-    colour: str
-    label: str = ""
-    width: float = 1.5
-    is_dashed: bool = False
-    point_px: float = 0.0  # radius of the points
-    has_start: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class ColourScale:
-    """Colours, from the lowest to the highest value, and what they mean."""
-
-    colours: Sequence[str]
-    low: float
-    high: float
-    label: str
-
-    @property
-    def span(self) -> float:
-        """The difference between the values of the first and the last colour."""
-        return max(self.high - self.low, MIN_SCALE_SPAN)
-
-
-@dataclass(frozen=True, slots=True)
-class Chart:
-    """Curves in axes.
-
-    `is_plane`: x and y have the same scale; `from_zero`: the y axis starts at zero; `is_log`: y are logarithms to base 10, and
-    the axis has their powers. `backdrop` gives the colours `(n, 3)` of points `(n, 2)` behind the curves, `within` are points
-    `(k, 2)` that a plane shows besides the curves, and `notes` texts at points (x, y).
-    """
-
-    curves: Sequence[Curve]
-    x_label: str
-    y_label: str
-    title: str = ""
-    is_plane: bool = False
-    from_zero: bool = False
-    scale: ColourScale | None = None
-    legend: Sequence[Curve] = field(default_factory=tuple)
-    is_log: bool = False
-    backdrop: Callable[[Floats], Canvas] | None = None
-    within: Floats = field(default_factory=lambda: np.zeros((0, 2)))
-    notes: Sequence[tuple[float, float, str]] = ()
-
-
 def draw_charts(charts: Sequence[Chart], width: int, height: int) -> DrawnSheet:
-    """Charts below each other, each with axes of a height; titles and legends come on top of it."""
+    """A sheet with the charts one below the other.
+
+    `width` is that of the sheet, `height` that of the axes of each chart (px), to which title and legend are added.
+    """
     shapes: list[Shape] = []
     top = 0
     left = max(_left_px(chart, width, height) for chart in charts)
@@ -106,7 +54,7 @@ def draw_charts(charts: Sequence[Chart], width: int, height: int) -> DrawnSheet:
 
 
 def _left_px(chart: Chart, width: int, height: int) -> float:
-    """Pixel at which a chart's x axis begins: to the right of the numbers of its y axis."""
+    """Smallest pixel at which the x axis of a chart may start: right of the numbers of its y axis."""
     _, y = _axes(chart, np.zeros(0), (MARGIN, width - MARGIN), (height, 0.0))
     return MARGIN + 2 * TICK_PX + _widest(_ticks(y, Y_TICK_PX, chart.is_log))
 
@@ -114,7 +62,10 @@ def _left_px(chart: Chart, width: int, height: int) -> float:
 def _chart(
     chart: Chart, x_values: Floats, sides: tuple[float, int], top: int, height: int
 ) -> tuple[list[Shape], int]:
-    """A chart whose first line is at `top`, and where it ends; `sides` are the start of its x axis and the sheet's width."""
+    """The shapes of a chart from the pixel `top` on, and the pixel at which it ends.
+
+    `x_values` are those of all charts of the sheet; `sides` are the pixel at which the x axis starts, and the width of the sheet.
+    """
     left, width = sides
     shapes: list[Shape] = []
     at = top + MARGIN
@@ -145,7 +96,7 @@ def _chart(
 def _axes(
     chart: Chart, x_values: Floats, x_px: tuple[float, float], y_px: tuple[float, float]
 ) -> tuple[Axis, Axis]:
-    """The axes of a chart between positions on the sheet; that of x ends where its values end, unless they are all the same."""
+    """The axes of a chart between pixels (first, last); the x axis ends with `x_values`, unless these are all the same."""
     y = np.concatenate([curve.y for curve in chart.curves] or [np.zeros(0)])
     if chart.is_plane:
         x = np.concatenate([curve.x for curve in chart.curves] or [np.zeros(0)])
@@ -158,7 +109,7 @@ def _axes(
 
 
 def _raster(backdrop: Callable[[Floats], Canvas], x: Axis, y: Axis) -> Raster:
-    """The colours behind the curves of a plane, each at the middle of a pixel of the PNG."""
+    """The colours behind the curves of a plane, evaluated at the middle of each pixel of the PNG."""
     cols, rows = (round(abs(axis.last - axis.first) * PNG_SCALE) for axis in (x, y))
     step = (x.high - x.low) / (x.last - x.first) / PNG_SCALE
     along, up = x.low + step * (np.arange(cols) + 0.5), y.high - step * (np.arange(rows) + 0.5)
@@ -170,7 +121,10 @@ def _raster(backdrop: Callable[[Floats], Canvas], x: Axis, y: Axis) -> Raster:
 
 
 def _ticks(axis: Axis, spacing_px: float, is_log: bool = False) -> list[tuple[float, str]]:
-    """Positions and texts of round values, as many digits as their step has; of logarithms, whole ones and their powers."""
+    """Pixels and texts of round values, with as many digits as their step needs.
+
+    `is_log`: the axis has logarithms to base 10; ticks are at whole ones, and their texts are the powers of 10.
+    """
     if is_log:
         powers = np.arange(np.ceil(axis.low), np.floor(axis.high) + 1.0)
         return [(p, f"{10.0**v:g}") for p, v in zip(axis.at(powers).tolist(), powers.tolist(), strict=True)]
@@ -217,7 +171,7 @@ def _marks(curve: Curve, x: Axis, y: Axis) -> list[Shape]:
 
 
 def _legend(entries: Sequence[Curve], width: int, top: int) -> tuple[list[Shape], int]:
-    """Line samples with their labels, in as many rows as they need, and where the rows end."""
+    """Samples of curves with their labels from the pixel `top` on, in as many rows as needed, and the pixel below them."""
     shapes: list[Shape] = []
     at = float(MARGIN)
     for entry in entries:
@@ -234,7 +188,7 @@ def _legend(entries: Sequence[Curve], width: int, top: int) -> tuple[list[Shape]
 
 
 def _shortened(label: str) -> str:
-    """The label, or its end where it is too long: names of results differ at their ends."""
+    """The label, or its end if it is too long, since names of results differ at their ends."""
     if text_width(label, TEXT) <= MAX_LABEL_PX:
         return label
     low, high = 0, len(label)  # characters to leave out; binary search, as names may be very long
@@ -246,7 +200,7 @@ def _shortened(label: str) -> str:
 
 
 def _colour_bar(scale: ColourScale, left: float, upper: float, lower: float) -> list[Shape]:
-    """The colours from the lowest value, below, to the highest one, with numbers beside them."""
+    """The colours from the lowest value, at the bottom, to the highest value, with numbers beside them."""
     axis = Axis(scale.low, scale.low + scale.span, lower, upper)
     edges = np.linspace(lower, upper, len(scale.colours) + 1).tolist()
     shapes: list[Shape] = [

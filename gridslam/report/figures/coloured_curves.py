@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.report.figures.charts import ColourScale, Curve
+from gridslam.report.figures.chart_data import ColourScale, Curve
 
 Floats = NDArray[np.float64]
 

@@ -13,7 +13,8 @@ from gridslam.core.arrays import evenly_to_the_last
 from gridslam.evaluation.association import Pairs
 from gridslam.evaluation.kitti_errors import travel_of
 from gridslam.evaluation.pose_errors import absolute_errors
-from gridslam.report.figures.charts import Chart, Curve, draw_charts
+from gridslam.report.figures.chart_data import Chart, Curve
+from gridslam.report.figures.charts import draw_charts
 from gridslam.report.figures.coloured_curves import coloured_curves
 from gridslam.report.figures.drawn_shapes import DrawnSheet
 from gridslam.report.figures.plots import thin_out

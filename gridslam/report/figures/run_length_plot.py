@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gridslam.maps.occupancy_correlation import CorrelationFit
-from gridslam.report.figures.charts import Chart, Curve, draw_charts
+from gridslam.report.figures.chart_data import Chart, Curve
+from gridslam.report.figures.charts import draw_charts
 from gridslam.report.figures.drawn_shapes import png_of
 
 MIN_PROBABILITY = 1e-3  # probability at which the curves end

@@ -11,7 +11,8 @@ import pytest
 from PIL import Image
 
 from gridslam.evaluation.association import Pairs
-from gridslam.report.figures.charts import TEXT, Chart, Curve, draw_charts
+from gridslam.report.figures.chart_data import Chart, Curve
+from gridslam.report.figures.charts import TEXT, draw_charts
 from gridslam.report.figures.drawn_shapes import (
     PNG_SCALE,
     Disc,
