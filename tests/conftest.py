@@ -14,7 +14,7 @@ import pytest
 from gridslam.cli.main import main
 from gridslam.methods import registry
 from gridslam.sweep.job_result import JobResult
-from gridslam.sweep.work import Job, Stop, do
+from gridslam.sweep.work import Job, Stop, execute
 from tests.dead_reckoning import register
 from tests.small_log import write_small_log
 
@@ -73,7 +73,7 @@ def sweeps_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let sweeps do their jobs in this process, which saves the imports of others."""
 
     def do_here(jobs: Sequence[Job], processes: int, stop: Stop) -> Iterator[tuple[int, JobResult]]:
-        return ((index, do(job, stop)) for index, job in enumerate(jobs))
+        return ((index, execute(job, stop)) for index, job in enumerate(jobs))
 
     monkeypatch.setattr("gridslam.sweep.local.run_locally", do_here)
 

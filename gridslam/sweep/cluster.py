@@ -11,7 +11,7 @@ from typing import Any
 
 from gridslam.core.errors import ConfigError, MethodError
 from gridslam.sweep.job_result import JobResult
-from gridslam.sweep.work import Job, Stop, do
+from gridslam.sweep.work import Job, Stop, execute
 
 POLL_S = 0.2
 CONNECT_S = 10
@@ -96,4 +96,4 @@ def _do_on_worker(job: Job) -> JobResult:
     Other threads of the worker wait, so workers started with `--nthreads 1` lose nothing.
     """
     with _one_at_a_time:
-        return do(job, lambda: False)
+        return execute(job, lambda: False)

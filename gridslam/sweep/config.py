@@ -35,7 +35,8 @@ def _checked_name(name: str) -> str:
 class LogEntry(StrictModel):
     """A log, or a world that is simulated once per seed; the inputs of its runs; and the ground truth.
 
-    Paths are relative to the sweep file. `{truth}` in a path stands for the folder NAME.truth beside the log.
+    Paths are relative to the sweep file. `{truth}` in a path stands for the folder NAME.truth beside the log. `truth_map`,
+    `truth_objects` and `relations` are files, as for the options of `evaluate`; `drawing` and `tags` are inputs of methods.
     """
 
     name: Name = Field("", description="Name in the tables. Default: the file's name without its suffix.")
@@ -87,10 +88,10 @@ class Evaluation(StrictModel):
     )
     sync: Literal["nearest", "interpolate"] = "nearest"
     max_difference_s: float | None = Field(
-        None, ge=0.0, description="Largest time difference of paired poses. Default: 0.01 for nearest."
+        None, ge=0.0, description="Largest time difference (s) of paired poses. Default: 0.01 for nearest."
     )
     max_gap_s: float = Field(
-        1.0, ge=0.0, description="Largest time between the two poses that interpolate takes."
+        1.0, ge=0.0, description="Largest time (s) between the two poses that are interpolated."
     )
     completeness_radius_m: float | None = Field(None, ge=0.0)
     max_position_m: float = Field(0.5, ge=0.0)

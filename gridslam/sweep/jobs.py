@@ -123,7 +123,7 @@ def _check_method(sweep: SweepConfig, name: str) -> bool:
     return needs_map
 
 
-def simulations(sweep: SweepConfig, folder: Path, output: Path, hashes: Hashes) -> Iterator[SimulateJob]:
+def simulation_jobs(sweep: SweepConfig, folder: Path, output: Path, hashes: Hashes) -> Iterator[SimulateJob]:
     """The simulation jobs. Raises ConfigError if a world is invalid."""
     for entry in sweep.logs:
         if entry.world is None:
@@ -139,16 +139,16 @@ def simulations(sweep: SweepConfig, folder: Path, output: Path, hashes: Hashes) 
                 program=program_key(),
                 world=document,
                 world_folder=real_path(path.parent),
-                directory=simulated(output, entry.label, world.seed),
+                directory=simulation_folder(output, entry.label, world.seed),
             )
 
 
-def simulated(output: Path, name: str, seed: int) -> Path:
+def simulation_folder(output: Path, name: str, seed: int) -> Path:
     """Folder of the simulated log of a world and a seed."""
     return output / "logs" / name / f"seed-{seed}"
 
 
-def run_job(
+def job_of_run(
     sweep: SweepConfig, folder: Path, output: Path, entry: LogEntry, settings: RunSettings, hashes: Hashes
 ) -> RunJob:
     """The job of one run of a sweep: a log of the sweep with the settings of a run.
@@ -165,7 +165,7 @@ def run_job(
         log = folder / (entry.log or "")
         truth_folder = log.with_name(f"{log.name.removesuffix('.mcap')}.truth")
     else:
-        log = simulated(output, entry.label, settings.seed) / "log.mcap"
+        log = simulation_folder(output, entry.label, settings.seed) / "log.mcap"
         truth_folder = log.with_name("log.truth")
     places = _Places(folder, truth_folder)
     map_text = entry.map or ("{truth}/map.yaml" if entry.world and settings.needs_map else None)

@@ -17,7 +17,7 @@ from types import FrameType
 from gridslam.core.processes import shielded_from_terminal
 from gridslam.core.threads import threads_each
 from gridslam.sweep.job_result import JobResult
-from gridslam.sweep.work import Job, Stop, do
+from gridslam.sweep.work import Job, Stop, execute
 
 POLL_S = 0.2
 EXIT_TIMEOUT_S = 5.0
@@ -116,7 +116,7 @@ def _serve(pipe: Connection, parent: int) -> None:
     signal.signal(signal.SIGTERM, _exit)
     with suppress(EOFError, OSError, KeyboardInterrupt):
         while True:
-            pipe.send(do(pipe.recv(), lambda: os.getppid() != parent))
+            pipe.send(execute(pipe.recv(), lambda: os.getppid() != parent))
 
 
 def _exit(number: int, frame: FrameType | None) -> None:

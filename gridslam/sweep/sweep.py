@@ -14,7 +14,14 @@ from gridslam.sweep.config import LogEntry, SweepConfig
 from gridslam.sweep.contents import Hashes
 from gridslam.sweep.gates import SweepGate, failed_gates, meets
 from gridslam.sweep.job_result import JobResult, RunRow
-from gridslam.sweep.jobs import RunJob, RunSettings, run_job, settings_of_sweep, simulated, simulations
+from gridslam.sweep.jobs import (
+    RunJob,
+    RunSettings,
+    job_of_run,
+    settings_of_sweep,
+    simulation_folder,
+    simulation_jobs,
+)
 from gridslam.sweep.records import Records, sweep_directory
 from gridslam.sweep.summary import Group, summarize
 from gridslam.sweep.tables import summary_document, write_tables
@@ -68,11 +75,11 @@ def run_sweep(
     """
     settings = settings_of_sweep(sweep, folder)
     directory, hashes = real_path(output), Hashes()
-    worlds = list(simulations(sweep, folder, directory, hashes))
+    worlds = list(simulation_jobs(sweep, folder, directory, hashes))
     combinations = list(product(sweep.logs, settings))
     # Jobs on existing logs are created first, so that their errors are reported before any simulation.
     planned = {
-        index: run_job(sweep, folder, output=directory, entry=entry, settings=run_settings, hashes=hashes)
+        index: job_of_run(sweep, folder, output=directory, entry=entry, settings=run_settings, hashes=hashes)
         for index, (entry, run_settings) in enumerate(combinations)
         if entry.world is None
     }
@@ -83,11 +90,11 @@ def run_sweep(
         for index, (entry, run_settings) in enumerate(combinations):
             if entry.world is None:
                 continue
-            simulation = simulation_results[simulated(directory, entry.label, run_settings.seed)]
+            simulation = simulation_results[simulation_folder(directory, entry.label, run_settings.seed)]
             if simulation.state != "done":
                 without_log[index] = _without_log(simulation)
             else:
-                planned[index] = run_job(
+                planned[index] = job_of_run(
                     sweep, folder, output=directory, entry=entry, settings=run_settings, hashes=hashes
                 )
         results = (

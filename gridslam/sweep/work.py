@@ -19,7 +19,7 @@ Job: TypeAlias = RunJob | SimulateJob
 Stop: TypeAlias = Callable[[], bool]
 
 
-def do(job: Job, stop: Stop) -> JobResult:
+def execute(job: Job, stop: Stop) -> JobResult:
     """Run a job and return its result; an error fails only this job. `stop` returns true to interrupt it.
 
     The process runs one job at a time. Of all exceptions, only KeyboardInterrupt is passed on.

@@ -12,7 +12,7 @@ import yaml
 from gridslam.cli.main import main
 from gridslam.methods import registry
 from gridslam.sweep import local
-from gridslam.sweep.work import do
+from gridslam.sweep.work import execute
 from tests.dead_reckoning import register
 
 
@@ -23,7 +23,7 @@ def sweep_file(tmp_path: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(
         local,
         "run_locally",
-        lambda jobs, processes, stop: ((place, do(job, stop)) for place, job in enumerate(jobs)),
+        lambda jobs, processes, stop: ((place, execute(job, stop)) for place, job in enumerate(jobs)),
     )
     (tmp_path / "plain.yaml").write_text("method: {name: dead-reckoning}\n")
     document = {

@@ -13,7 +13,7 @@ from gridslam.methods import registry
 from gridslam.sweep.config import SweepConfig, load_sweep
 from gridslam.sweep.job_result import JobResult
 from gridslam.sweep.sweep import SweepResult, run_sweep
-from gridslam.sweep.work import Job, do
+from gridslam.sweep.work import Job, execute
 from tests.dead_reckoning import register
 
 WORLD = """
@@ -70,7 +70,7 @@ class Bench:
     def _do(self, job: Job) -> JobResult:
         measured_only = getattr(job, "is_made", False)
         self.ran.append(f"{job.label}{' (measured)' if measured_only else ''}")
-        return do(job, lambda: False)
+        return execute(job, lambda: False)
 
     def tables(self) -> Mapping[str, bytes]:
         """The files that must not depend on how the work was done."""

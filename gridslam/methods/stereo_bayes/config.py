@@ -141,7 +141,7 @@ class AdvancedMap(StrictModel):
         0.3,
         gt=0.0,
         le=1.0,
-        description="Smallest probability that a ray reached a cell at which the cell is known. Raise it to leave "
+        description="Smallest probability of a ray having reached a cell for the cell to be known. Raise it to leave "
         "doubtful cells unknown.",
     )
     surface_m: float = Field(
