@@ -43,9 +43,9 @@ END_PX = 5.0  # radius of start and goal
 CIRCLE_POINTS = 33
 
 
-def plan_document(plan: PlannedPath, map_path: Path, spacing: float = SPACING) -> dict[str, Any]:
-    """The plan as a JSON document: segments, candidates, and poses with their times; `spacing` as SPACING."""
-    times, poses, speeds = plan.path.sampled(spacing)
+def plan_document(plan: PlannedPath, map_path: Path) -> dict[str, Any]:
+    """The plan as a JSON document: segments, candidates, and poses with their times."""
+    times, poses, speeds = plan.path.sampled(SPACING)
     rows = np.column_stack([times, poses[:, :2], wrap_angle(poses[:, 2]), speeds])
     return {
         "format": REPORT_FORMAT,

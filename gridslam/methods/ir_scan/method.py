@@ -100,9 +100,8 @@ class IrScanMapper:
             self._delayed.append((readings, stop.pose))
             self._draw_delayed(self._delay)
             if self._config.matching.kind == "search":
-                self._walls_for(readings).add(
-                    readings.in_map(stop.pose), readings.bel / self._noise.variances(readings.ranges_m)[0]
-                )
+                along_beam, _ = self._noise.variances(readings.ranges_m)
+                self._walls_for(readings).add(readings.in_map(stop.pose), readings.bel / along_beam)
 
     def _match(self, readings: ReliableReadings, prior: StopMatch) -> StopMatch:
         kind = self._config.matching.kind

@@ -96,7 +96,8 @@ def on_surfaces(
     points = readings.in_map(poses)
     moments = WallMoments(window_m / (2 * WINDOW_CELLS + 1), memory_limit_mb)
     if len(points):
-        moments.add(points, readings.bel / noise.variances(readings.ranges_m)[0])
+        along_beam, _ = noise.variances(readings.ranges_m)
+        moments.add(points, readings.bel / along_beam)
     lines = moments.lines(points, WINDOW_CELLS)
     is_straight = lines.are_walls(MIN_READINGS, THICKNESS_RATIO * window_m)
     offset = np.where(is_straight, lines.offsets(points), 0.0)

@@ -25,6 +25,7 @@ class StereoBayes(PoseTrack):
     def __init__(self, config: StereoBayesConfig, seed: int) -> None:
         super().__init__(config)
         self._map = BeliefMap(config)
+        self._noise = self._map.noise(float(config.disparity.disparities))
         self._rays = RayReader(config, self._counters)
         self._r0: list[float] = []
 
@@ -59,9 +60,7 @@ class StereoBayes(PoseTrack):
             rays = self._rays.read(frame.disparity, frame.head)
         with self._stopwatch.stage("map"):
             covariance = belief.covariance if self._pose.is_absolute else np.zeros((3, 3))
-            self._map.update(
-                belief.pose, covariance, rays, self._map.noise(float(self._config.disparity.disparities))
-            )
+            self._map.update(belief.pose, covariance, rays, self._noise)
         self._r0.append(self._map.correlation.r0)
         self._record(frame.stamp_ns, belief)
 
