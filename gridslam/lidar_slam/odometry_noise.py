@@ -18,6 +18,10 @@ ROTATION_FLOOR_RAD = 0.005
 TRANSLATION_PER_RAD_M = 0.02  # a wheelbase that is not exact moves the robot as it turns
 ROTATION_PER_M_RAD = 0.1  # wheels of unequal diameter turn the robot as it drives
 ACCELERATION_NOISE = 0.3  # std per unit of change since the last step: odometry that stutters is trusted less
+# Between scans this far apart odometry alone measures the motion, and what matching finds then may be a place that looks alike
+MIN_UNSCANNED_M = 3.0
+# Errors of odometry over such a distance: of the distance, relative to it, and of the heading by metre and by radian
+DISTANCE_ERROR, HEADING_PER_M_RAD, HEADING_PER_RAD = 0.1, 0.01, 0.05
 NO_MIN_STD: Floats = np.zeros(3)
 # (m, m, rad): the motion during a jump of the odometry is unknown but short
 JUMP_STD: Floats = np.array([0.3, 0.3, 0.3])
@@ -30,11 +34,13 @@ def odometry_std(
 ) -> Floats:
     """Standard deviations (x, y, yaw) `(3,)` of an odometry step `(3,)` in the robot's frame, at least `min_std` `(3,)`.
 
-    They grow with the motion and with the difference from `expected_step` `(3,)`, the motion at constant velocity. Beyond a metre
-    and a radian, as after a gap in the scans, they grow with the root of the motion: errors of its parts are independent.
+    They grow with the motion and with the difference from `expected_step` `(3,)`, the motion at constant velocity. After a
+    gap in the scans they are those of a long step.
     """
     (x, y, yaw), (expected_x, expected_y, expected_yaw) = step.tolist(), expected_step.tolist()
-    distance_m, rotation_rad = _independent(math.hypot(x, y)), _independent(abs(yaw))
+    distance_m, rotation_rad = math.hypot(x, y), abs(yaw)
+    if distance_m >= MIN_UNSCANNED_M:
+        return np.asarray(np.maximum(unscanned_std(step), min_std))
     translation = (
         TRANSLATION_FLOOR_M + config.translation_per_m * distance_m + TRANSLATION_PER_RAD_M * rotation_rad
     )
@@ -44,9 +50,16 @@ def odometry_std(
     return np.asarray(np.maximum((translation, translation, rotation), min_std))
 
 
-def _independent(amount: float) -> float:
-    """The amount (m or rad) up to 1, its root beyond."""
-    return amount if amount <= 1.0 else math.sqrt(amount)
+def unscanned_std(step: Floats) -> Floats:
+    """Standard deviations (x, y, yaw) `(3,)` of a long step `(3,)` by odometry alone, between scans; zero for a short one.
+
+    They are smaller than those of as many short steps: of these, each may be one that slipped or stuttered.
+    """
+    travel_m, rotation_rad = math.hypot(*step[:2].tolist()), abs(float(step[2]))
+    if travel_m < MIN_UNSCANNED_M:
+        return np.zeros(3)
+    position_m = DISTANCE_ERROR * travel_m
+    return np.array([position_m, position_m, HEADING_PER_M_RAD * travel_m + HEADING_PER_RAD * rotation_rad])
 
 
 def odometry_limits(config: OdometryConfig) -> OdometryLimits:

@@ -21,12 +21,12 @@ from gridslam.lidar_slam.empty_scans import EmptyScans
 from gridslam.lidar_slam.front_end import ScanMatch, Tracking
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
 from gridslam.lidar_slam.motion_prediction import FIRM_STD_M, MotionPredictor
-from gridslam.lidar_slam.odometry_noise import odometry_limits
+from gridslam.lidar_slam.odometry_noise import odometry_limits, unscanned_std
 from gridslam.lidar_slam.open_stretches import OpenStretches
 from gridslam.lidar_slam.packed_scans import PackedScans
 from gridslam.lidar_slam.scan_breaks import ScanBreaks
 from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
-from gridslam.lidar_slam.slips import slip_variances, unscanned_variances
+from gridslam.lidar_slam.slips import slip_variances
 from gridslam.lidar_slam.sway import MIN_HEIGHT_M, Sway, SwayObserver, levelled
 from gridslam.lidar_slam.tracked_path import TrackedPath
 from gridslam.lidar_slam.unmeasured_gaps import UnmeasuredGaps
@@ -203,7 +203,7 @@ class ScanTracker:
             return NO_SLIP
         step = se2.between(self.path.pose, match.pose)
         if uses_odometry:
-            return unscanned_variances(step)
+            return unscanned_std(step) ** 2
         return slip_variances(step, (stamp_ns - self.path.stamps_ns[-1]) * 1e-9, match)
 
     def track_scan(self, placed: PlacedScan) -> PreparedScan:

@@ -1,4 +1,4 @@
-"""Uncertainty of a step that matching does not determine: along corridors without odometry, and after a gap in the scans."""
+"""Uncertainty of matching without odometry along corridors, where the surfaces do not determine the motion."""
 
 from __future__ import annotations
 
@@ -19,21 +19,6 @@ MIN_SPEED_MPS = 0.05  # speed assumed for a robot that seems to stand where its 
 MAX_GAP_S = 1.0  # after a longer gap a scan may be matched elsewhere
 # Slip of a scan after a gap, or that is not matched, in any direction
 UNMATCHED_MPS, MAX_UNMATCHED_S = 0.5, 1.0
-
-# Between scans this far apart odometry alone measures the motion, and what matching finds then may be a place that looks alike
-MIN_UNSCANNED_M = 3.0
-# Errors of odometry: of the distance, relative to it, and of the heading by metre and by radian
-DISTANCE_ERROR, HEADING_PER_M_RAD, HEADING_PER_RAD = 0.1, 0.01, 0.05
-
-
-def unscanned_variances(step: Floats) -> Floats:
-    """Variances `(3,)` of x, y (m^2) and yaw (rad^2) of a step `(3,)` by odometry without scans; zero if it is short."""
-    travel_m, rotation_rad = math.hypot(*step[:2].tolist()), abs(float(step[2]))
-    if travel_m < MIN_UNSCANNED_M:
-        return np.zeros(3)
-    position_m = DISTANCE_ERROR * travel_m
-    heading_rad = HEADING_PER_M_RAD * travel_m + HEADING_PER_RAD * rotation_rad
-    return np.array([position_m, position_m, heading_rad]) ** 2
 
 
 def slip_variances(step: Floats, elapsed_s: float, match: ScanMatch) -> Floats:

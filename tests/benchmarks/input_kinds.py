@@ -524,12 +524,13 @@ def depth_camera(drive: InputDrive, path: Path, pitch_deg: float = 0.0, **change
     return recorded(drive, path, scans, (placed_at("lidar", R_base_camera),), **changes)
 
 
-def scanning(first_s: float, last_s: float, **changes: Any) -> Callable[[InputDrive, Path], Path]:
-    """The ordinary recording of a lidar that scans within a span of time (s): it starts late, or dies."""
+def scanning(*spans_s: tuple[float, float], **changes: Any) -> Callable[[InputDrive, Path], Path]:
+    """The ordinary recording of a lidar that scans within spans of time (s): it starts late, pauses, or dies."""
 
     def make_log(drive: InputDrive, path: Path) -> Path:
         def scans(scan: LaserScan) -> Messages:
-            if first_s <= (scan.stamp_ns - drive.start_ns) * 1e-9 < last_s:
+            time_s = (scan.stamp_ns - drive.start_ns) * 1e-9
+            if any(first_s <= time_s < last_s for first_s, last_s in spans_s):
                 yield "/scan", scan_message(scan)
 
         return plain(drive, path, scans=scans, **changes)
@@ -666,8 +667,9 @@ KINDS: dict[str, tuple[Callable[[InputDrive, Path], Path], str]] = {
     "scans_twice": (twice, "ordinary"),
     "lidar_hangs_1s": (hanging(((8, 9), (16, 17), (27, 28), (38, 39))), "ordinary"),
     "lidar_hangs_10s": (hanging(((15, 25),)), "ordinary"),
-    "lidar_dies": (scanning(0.0, 25.0), "ordinary"),
-    "lidar_starts_late": (scanning(8.0, math.inf), "ordinary"),
+    "lidar_dies": (scanning((0.0, 25.0)), "ordinary"),
+    "lidar_starts_late": (scanning((8.0, math.inf)), "ordinary"),
+    "lidar_pauses_20s": (scanning((0.0, 22.0), (42.0, math.inf)), "ordinary"),
     "tilted_lidar": (lambda d, p: tilted(d, p, pitch_deg=10.0), "ordinary"),
     "tilted_lidar_unknown": (lambda d, p: tilted(d, p, pitch_deg=10.0, is_stated=False), "ordinary"),
     "upside_down_imu": (
@@ -706,7 +708,7 @@ MORE_KINDS: dict[str, tuple[Callable[[InputDrive, Path], Path], str]] = {
         odometry(lambda o: replace(o, y_m=-o.y_m, yaw_rad=-o.yaw_rad), with_imu=True),
         "ordinary",
     ),
-    "lidar_dies_no_odometry": (scanning(0.0, 25.0, odometry=lambda o: None), "ordinary"),
+    "lidar_dies_no_odometry": (scanning((0.0, 25.0), odometry=lambda o: None), "ordinary"),
     "swaying_about_lidar": (lambda d, p: swaying(d, p, is_about_lidar=True), "ordinary"),
     "swaying_about_lidar_8": (lambda d, p: swaying(d, p, 8.0, is_about_lidar=True), "ordinary"),
     "swaying_lidar_8_unknown": (lambda d, p: swaying(d, p, 8.0, imu="", is_about_lidar=True), "ordinary"),

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gridslam.lidar_slam.config import OdometryConfig
 from gridslam.lidar_slam.front_end import ScanMatch
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
-from gridslam.lidar_slam.slips import SLIP_M2_PER_M, UNMATCHED_MPS, slip_variances, unscanned_variances
+from gridslam.lidar_slam.odometry_noise import odometry_std, unscanned_std
+from gridslam.lidar_slam.slips import SLIP_M2_PER_M, UNMATCHED_MPS, slip_variances
 
 STEP = np.array([0.2, 0.0, 0.0])
 
@@ -39,8 +41,8 @@ def test_slips_add_to_the_drift_of_their_steps() -> None:
     assert slipped - plain == pytest.approx(np.array([[0.0, 0, 0], [0.5, 0, 0], [0.5, 0.25, 0.01]]))
 
 
-def test_a_step_by_odometry_alone_is_uncertain_in_position_and_heading_once_it_is_long() -> None:
-    assert unscanned_variances(np.array([1.0, 0.0, 1.0])).tolist() == [0.0, 0.0, 0.0]
-    x, y, yaw = np.sqrt(unscanned_variances(np.array([-16.0, 12.0, 2.0]))).tolist()
-    assert x == y == pytest.approx(2.0)
-    assert yaw == pytest.approx(0.3)
+def test_a_long_step_by_odometry_alone_is_uncertain_in_position_and_heading() -> None:
+    assert unscanned_std(np.array([1.0, 0.0, 1.0])).tolist() == [0.0, 0.0, 0.0]
+    long = np.array([-16.0, 12.0, 2.0])
+    assert unscanned_std(long) == pytest.approx([2.0, 2.0, 0.3])
+    assert odometry_std(long, np.zeros(3), OdometryConfig()) == pytest.approx([2.0, 2.0, 0.3])
