@@ -35,9 +35,8 @@ ADVICE = {
     "size": "the left and right pictures have different or tiny sizes",
     "no_pose": "the log has no odometry or absolute poses at the stamps of the images",
 }
-WAIT_FOR_ODOMETRY_NS = (
-    2_000_000_000  # after images of this duration without odometry, visual odometry is used
-)
+# After images of this duration without any odometry, visual odometry is used
+WAIT_FOR_ODOMETRY_NS = 2_000_000_000
 
 
 class PoseTrack:

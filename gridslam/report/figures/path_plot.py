@@ -13,9 +13,8 @@ from gridslam.report.figures.plots import PlanePath, plane_plot
 from gridslam.runs.run import Run
 
 RESULT_COLOUR, ODOMETRY_COLOUR, TRUTH_COLOUR = "#1e6ec8", "#d9661f", "#555555"
-FIRST_POSES = (
-    5  # the odometry is aligned with the first of these poses of the result that lies within its time
-)
+# The odometry is aligned with the first of this many poses of the result that lies within its time
+FIRST_POSES = 5
 
 
 def path_plot(run: Run) -> str | None:
