@@ -13,10 +13,10 @@ class RangerLimits(StrictModel):
     """Valid range of one ranger; replaces the limits in the log."""
 
     min_m: NotNegative = Field(
-        description="Range in metres up to which readings are dropped. Raise it if the ranger sees the robot itself."
+        description="Readings up to this range, in metres, are dropped. Raise it if the ranger sees the robot itself."
     )
     max_m: Positive = Field(
-        description="Range in metres from which on readings are dropped. Lower it for a ranger that is unreliable far away."
+        description="Readings from this range on, in metres, are dropped. Lower it for a ranger that is unreliable far away."
     )
 
 
@@ -84,7 +84,7 @@ class MatchingConfig(StrictModel):
         10,
         ge=0,
         le=200,
-        description="Number of cells by which a scan is shifted to each side. Raise it for worse odometry; the time "
+        description="Largest shift of a scan to each side, in cells. Raise it for worse odometry; the time "
         "grows with its square.",
     )
 
@@ -204,7 +204,7 @@ class IrScanConfig(StrictModel):
     name: Literal["ir-scan"] = "ir-scan"
     start: tuple[float, float, float] | None = Field(
         None,
-        description="Pose of the first moment in the map: x (m), y (m), yaw (rad). Absent: the origin.",
+        description="Pose in the map at the start of the log: x (m), y (m), yaw (rad). Absent: the origin.",
     )
     resolution_m: Annotated[float, Field(gt=0.0005, le=1.0)] = Field(
         0.01,

@@ -82,8 +82,8 @@ class AdvancedObservation(StrictModel):
 
     pick: Literal["nearest", "dominant"] = Field(
         "nearest",
-        description="Disparity of a bin that counts. nearest: the largest that fills min_height_m. dominant: the most "
-        "frequent, as in the paper.",
+        description="Disparity that is the measurement of a bin. nearest: the largest whose pixels cover min_height_m. "
+        "dominant: the most frequent, as in the paper.",
     )
     min_height_m: float = Field(
         0.12,
@@ -129,7 +129,7 @@ class AdvancedCorrelation(StrictModel):
         0.0,
         ge=0.0,
         le=1.0,
-        description="Strength of the coupling between neighbouring rays: none (0) to as r0 implies (1). Raise it for "
+        description="Strength of the coupling between neighbouring rays: from none (0) to what r0 implies (1). Raise it for "
         "smooth surfaces, whose rays then support each other.",
     )
 
