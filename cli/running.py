@@ -168,13 +168,11 @@ def summary(run: Run, document: dict[str, Any], output: Path) -> list[tuple[str,
         cells = f"{facts['cols']} x {facts['rows']} cells of {facts['resolution_m'] * 100:g} cm"
         rows.append(("map", f"{cells}, {facts['known_m2']:.0f} m2 known"))
     if (errors := document["errors"]) is not None:
-        ape = errors["ape"]
-        rows.append(
-            (
-                "error",
-                f"{ape['trans']['rmse']:.3f} m, {ape['rot']['rmse']:.2f} deg (rmse against ground truth)",
-            )
-        )
+        ape, aligned_m = errors["ape"], errors["aligned_rmse_m"]
+        text = f"{ape['trans']['rmse']:.3f} m, {ape['rot']['rmse']:.2f} deg (rmse against ground truth)"
+        if aligned_m is not None:
+            text += f"; {aligned_m:.3f} m after alignment, if the map's frame is not that of the truth"
+        rows.append(("error", text))
     # A package's own measures mean anything
     measures = document["measures"] if run.config.method_name in BUILT_IN else {}
     if (sensors := sensor_summary(measures.get("motion", {}))) is not None:

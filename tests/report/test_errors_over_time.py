@@ -48,6 +48,18 @@ def test_errors_of_a_localization_are_taken_as_they_are() -> None:
     assert np.allclose(errors.ape.translation_m, np.hypot(apart[:, 0], apart[:, 1]))
 
 
+def test_what_alignment_leaves_of_a_localizations_error_is_given_if_it_is_little() -> None:
+    estimate, truth = two_paths()
+    for path, is_given in ((estimate, True), (truth, False)):
+        errors = errors_over_time(path, truth, "none")
+        assert errors is not None
+        assert (errors.aligned_rmse_m is not None) is is_given
+    noise = np.random.default_rng(1).normal(0.0, 1.0, truth.poses.shape)
+    wrong = errors_over_time(Trajectory(truth.stamps_ns, truth.poses + noise), truth, "none")
+    assert wrong is not None
+    assert wrong.aligned_rmse_m is None
+
+
 def test_a_truth_of_another_time_gives_no_errors() -> None:
     estimate, truth = two_paths()
     assert errors_over_time(estimate, Trajectory(truth.stamps_ns + 10**12, truth.poses), "se2") is None
