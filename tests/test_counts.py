@@ -11,7 +11,7 @@ LARGEST = {  # lower them with the counts
     "calls with more than 5 positional arguments": 3,
     "functions with more than 6 parameters": 58,
     "functions of more than 60 lines": 0,
-    "files of more than 250 lines": 27,
+    "files of more than 250 lines": 24,
 }
 
 

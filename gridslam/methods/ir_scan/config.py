@@ -84,7 +84,7 @@ class MatchingConfig(StrictModel):
         10,
         ge=0,
         le=200,
-        description="Largest shift of a scan to each side, in cells. Raise it for worse odometry; the time "
+        description="Largest number of cells by which a scan is shifted to each side. Raise it for worse odometry; the time "
         "grows with its square.",
     )
 
