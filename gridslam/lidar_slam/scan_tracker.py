@@ -203,7 +203,8 @@ class ScanTracker:
             return NO_SLIP
         step = se2.between(self.path.pose, match.pose)
         if uses_odometry:
-            return unscanned_std(step) ** 2
+            std = unscanned_std(step)
+            return std**2 if std.any() else NO_SLIP  # one array for the scans of a whole log
         return slip_variances(step, (stamp_ns - self.path.stamps_ns[-1]) * 1e-9, match)
 
     def track_scan(self, placed: PlacedScan) -> PreparedScan:
