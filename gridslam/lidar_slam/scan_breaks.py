@@ -12,10 +12,8 @@ from gridslam.lidar_slam.front_end import MIN_CORRESPONDENCES, ScanMatch
 # A scan is foreign if a smaller fraction of its points lies on surfaces of the local map. On recorded logs and in crowds all but
 # single scans have 0.42 or more; after a robot was carried away it is below 0.1, until the local map has the new place.
 MAX_FOREIGN_INLIER_RATIO = 0.3
-RECENT_SCANS, MIN_FOREIGN = (
-    5,
-    3,
-)  # a break has this number of foreign scans among the last ones: a single one may be covered
+# A break has this number of foreign scans among the last ones: a single one may be covered
+RECENT_SCANS, MIN_FOREIGN = 5, 3
 
 
 class ScanBreaks:
@@ -24,9 +22,8 @@ class ScanBreaks:
     def __init__(self) -> None:
         self._first_ns: int | None = None
         self._recent: deque[tuple[int, bool]] = deque(maxlen=RECENT_SCANS)
-        self._continues = (
-            False  # whether the scans before continue each other; the first ones have no map yet
-        )
+        # Whether the scans before continue each other; the first ones have no map yet
+        self._continues = False
         self.stamps_ns: list[int] = []
 
     def add(self, stamp_ns: int, match: ScanMatch, points: int) -> None:

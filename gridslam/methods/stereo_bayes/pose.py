@@ -24,10 +24,8 @@ START_AFTER_NS = 3_000_000_000
 START = PoseBelief(np.zeros(3), np.diag([1e-6, 1e-6, 1e-6]))
 # Noise of visual odometry, chosen on KITTI and in simulated rooms
 VISUAL_NOISE = RootMotionNoise(translation_m=0.02, rotation_rad=0.01, rotation_per_m_rad=0.003)
-MAX_SPEED_MPS, JUMP_TOLERANCE_M = (
-    30.0,
-    0.5,
-)  # a step longer than MAX_SPEED_MPS * time + JUMP_TOLERANCE_M is a jump
+# A step longer than MAX_SPEED_MPS * time + JUMP_TOLERANCE_M is a jump
+MAX_SPEED_MPS, JUMP_TOLERANCE_M = 30.0, 0.5
 FILTER = FilterSettings()
 WINDOW_NS = int(FILTER.window_s * 1e9)  # maximum delay of an absolute pose that is still used
 
