@@ -27,6 +27,7 @@ SAME_UNIT = 0.15  # largest relative difference of two factors of one unit
 PURE_AXIS = 0.97  # cosine of the largest angle between the upward direction and an axis of the sensor
 IN_BASE = ""  # frame of turn rates about the axes of the base: no extrinsics belong to it
 MIN_FACTOR = 0.01  # smallest factor, and inverse of the largest, of a unit of turn rates; any other is chance
+MAX_RATE = 1e6  # largest turn rate in any unit; beyond it a rate is damaged, and its square is more than a float holds
 RAD_PER_DEG = math.pi / 180.0
 
 
@@ -145,6 +146,7 @@ class _Rotations:
     def __init__(self, imus: Sequence[Imu], start_ns: NDArray[np.int64], end_ns: NDArray[np.int64]) -> None:
         stamps_ns = np.array([imu.stamp_ns for imu in imus], np.int64)
         rates = np.array([(imu.wx_radps, imu.wy_radps, imu.wz_radps) for imu in imus])
+        rates = np.clip(rates, -MAX_RATE, MAX_RATE)
         order = np.argsort(stamps_ns, kind="stable")
         origin_ns = int(start_ns[0])
         self._times_s = (stamps_ns[order] - origin_ns) * 1e-9

@@ -25,6 +25,7 @@ PLANE_HEIGHT = 320
 LEFT, RIGHT, TOP, BOTTOM = 50, 10, 22, 34  # margins around the axes, px
 X_TICKS, Y_TICKS = 6, 5  # largest number of ticks of an axis
 MIN_SPAN = 1e-9  # smallest span of an axis, relative to its values
+SMALLEST = 1e-200  # values below it count as zero: pixels divided by their span are more than a float holds
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +97,9 @@ def plane_axes(points: Floats, x_px: tuple[float, float], y_px: tuple[float, flo
     """Axes with the same scale around points `(n, 2)` in metres, between the pixels `x_px` and `y_px` (first, last)."""
     low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
     width, height = x_px[1] - x_px[0], y_px[0] - y_px[1]
-    span = float(max((high - low) / np.array([width, height]), default=0.0)) * 1.06 or 1.0 / width
+    span = float(max((high - low) / np.array([width, height]), default=0.0)) * 1.06
+    if not span > SMALLEST:
+        span = 1.0 / width
     middle = (low + high) / 2.0
     half_x, half_y = span * width / 2.0, span * height / 2.0
     x = Axis(float(middle[0] - half_x), float(middle[0] + half_x), *x_px)
@@ -138,7 +141,8 @@ def axis_of(values: Floats, first: float, last: float) -> Axis:
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
     padding = 0.04 * (high - low)
     if not padding > MIN_SPAN * max(abs(low), abs(high), MIN_SPAN):
-        padding = 0.5 * max(abs(low), abs(high)) or 1.0
+        largest = max(abs(low), abs(high))
+        padding = 0.5 * largest if largest > SMALLEST else 1.0
     return Axis(0.0 if low == 0.0 else low - padding, high + padding, first, last)
 
 

@@ -82,6 +82,11 @@ def test_an_imu_whose_accelerations_point_down_hangs_upside_down() -> None:
     assert not points_down([Imu(0, "imu", 0.0)])
 
 
+def test_rates_beyond_all_units_do_not_end_the_program() -> None:
+    damaged = [*readings((0.0, 0.0, 1.0)), Imu(20 * NS, "imu", 1e300, -1e300, 1e308)]
+    assert find_gyro_correction(damaged, track()) is None
+
+
 def test_a_gyro_of_noise_alone_is_not_corrected() -> None:
     assert find_gyro_correction(readings((0.0, 0.0, 0.0)), track()) is None
     assert find_gyro_correction([], track()) is None

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gridslam.report.figures.plots import MAX_POINTS, Line, thin_out, time_plot
+from gridslam.report.figures.plots import MAX_POINTS, Line, PlanePath, plane_plot, thin_out, time_plot
 
 
 @pytest.mark.parametrize(
@@ -19,11 +19,17 @@ from gridslam.report.figures.plots import MAX_POINTS, Line, thin_out, time_plot
         np.array([1e300, -1e300]),
         np.array([0.0, np.inf, -np.inf, 1.0]),
         np.array([1e-300, 2e-300]),
+        np.array([5e-324, 1e-310]),
     ],
     ids=lambda values: str(values[:2]),
 )
 def test_any_values_give_a_plot_without_a_warning(values: NDArray[np.float64]) -> None:
     svg = time_plot([Line(np.arange(len(values), dtype=float), values)], "m & <unit>")
+    assert ET.fromstring(svg).tag.endswith("svg")
+
+
+def test_positions_next_to_nothing_apart_give_a_plot_without_a_warning() -> None:
+    svg = plane_plot([PlanePath(np.array([[0.0, 0.0], [1e-310, 5e-324]]), "#000000", "path")])
     assert ET.fromstring(svg).tag.endswith("svg")
 
 
