@@ -33,16 +33,13 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 MAX_COARSE_CELLS, MIN_COARSE_M = 300, 0.1  # across the larger map
-FREE_WEIGHT = 0.4  # of a wall in free space, where one on a wall weighs about 1, in the coarse search
-CANDIDATES, PEAKS_PER_YAW, PEAK_M = (
-    12,
-    3,
-    1.0,
-)  # coarse poses that are refined; others are at least `PEAK_M` away
+FREE_WEIGHT = 0.4  # weight of a wall in free space in the coarse search; one on a wall has about 1
+# Coarse poses that are refined, at least `PEAK_M` from each other, and peaks of the correlation at each yaw angle
+CANDIDATES, PEAKS_PER_YAW, PEAK_M = 12, 3, 1.0
 START_TRIMS_M = TRIM_M[2:]
 CLEAR_M = 0.3  # a wall point in free space contradicts the other map if none of its walls is this near
 CONTRADICTED_WEIGHT = (
-    2.0  # of a contradicted point in the score of a pose, where one that agrees weighs 1 at most
+    2.0  # weight of a contradicted point in the score of a pose; one that agrees has 1 at most
 )
 # Right poses had 0.013 to 0.029 with a fifth of the furniture moved, wrong ones 0.066 and more
 MAX_CONTRADICTED_RATIO = 0.045

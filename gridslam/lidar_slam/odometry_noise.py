@@ -20,7 +20,8 @@ ROTATION_PER_M_RAD = 0.1  # wheels of unequal diameter turn the robot as it driv
 ACCELERATION_NOISE = 0.3  # std per unit of change since the last step: odometry that stutters is trusted less
 # Between scans this far apart odometry alone measures the motion, and what matching finds then may be a place that looks alike
 MIN_UNSCANNED_M = 3.0
-# Errors of odometry over such a distance: of the distance, relative to it, and of the heading by metre and by radian
+# Standard deviations of odometry over such a distance, generous because searches go no farther: relative to the distance, and
+# of the heading by metre and by radian
 DISTANCE_ERROR, HEADING_PER_M_RAD, HEADING_PER_RAD = 0.1, 0.01, 0.05
 NO_MIN_STD: Floats = np.zeros(3)
 # (m, m, rad): the motion during a jump of the odometry is unknown but short

@@ -12,16 +12,17 @@ from gridslam.lidar_slam.front_end import ScanMatch
 # Travel with certain matches, at least and relative to that without, that ends a stretch: people who pass by make some matches
 # seem certain, and of two lidars one may see more
 MIN_CERTAIN_M, MIN_CERTAIN_RATIO = 1.0, 0.3
-# Expected error relative to the distance: of odometry, and of matching without any: the robot may not have kept its speed
+# Expected error relative to the distance: of odometry (loops are sought within five times that, see `odometry_noise`), and of
+# matching without any, because the robot may not have kept its speed
 ODOMETRY_ERROR, SLIDING_ERROR = 0.02, 0.1
 SPEED_S = 1.0  # time over which the speed is averaged
 MIN_SPEED_MPS = 0.15  # assumed for a robot that seems to stand, where neither odometry nor scans show it
 MAX_ERROR_M = 1.2  # a path with a larger expected error is doubted
 
 
-def is_open(match: ScanMatch) -> bool:
-    """Whether a match does not show how far the robot moved."""
-    return match.is_open or not match.is_matched
+def shows_distance(match: ScanMatch) -> bool:
+    """Whether a match shows how far the robot moved."""
+    return match.is_matched and not match.is_open
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,7 @@ class OpenStretches:
 
         Without odometry matching may slide on the spot: the robot is assumed to have kept its speed, or to creep.
         """
-        if is_open(match):
+        if not shows_distance(match):
             if not has_odometry:
                 travel_m = max(travel_m, max(self._speed_mps, MIN_SPEED_MPS) * elapsed_s)
             error_m = (ODOMETRY_ERROR if has_odometry else SLIDING_ERROR) * travel_m

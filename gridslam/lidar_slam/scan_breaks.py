@@ -27,7 +27,7 @@ class ScanBreaks:
         self.stamps_ns: list[int] = []
 
     def add(self, stamp_ns: int, match: ScanMatch, points: int) -> None:
-        """Take in a scan's match and number of points; scans of few points show nothing."""
+        """Add a scan's match and number of points; scans of few points show nothing."""
         if self._first_ns is None:
             self._first_ns = stamp_ns
         if points < MIN_CORRESPONDENCES:

@@ -21,7 +21,7 @@ from gridslam.lidar_slam.empty_scans import EmptyScans
 from gridslam.lidar_slam.front_end import ScanMatch, Tracking
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
 from gridslam.lidar_slam.motion_prediction import FIRM_STD_M, MotionPredictor
-from gridslam.lidar_slam.odometry_noise import odometry_limits, unscanned_std
+from gridslam.lidar_slam.odometry_noise import MIN_UNSCANNED_M, odometry_limits, unscanned_std
 from gridslam.lidar_slam.open_stretches import OpenStretches
 from gridslam.lidar_slam.packed_scans import PackedScans
 from gridslam.lidar_slam.scan_breaks import ScanBreaks
@@ -176,10 +176,8 @@ class ScanTracker:
         match = self._front_end.track(scan, motion.odometry, motion.min_std)
         self._counters["scan.unmatched"] += not match.is_matched
         uses_odometry = self._predictor.uses_odometry(placed)
-        if len(self.path):
-            self._observe_step(scan.stamp_ns, match, uses_odometry)
+        slip = self._observe_step(scan.stamp_ns, match, uses_odometry) if len(self.path) else NO_SLIP
         self._breaks.add(scan.stamp_ns, match, len(scan.points))
-        slip = self._slip(scan.stamp_ns, match, uses_odometry)
         pose = self._front_end.pose.copy()
         self.path.append(scan.stamp_ns, pose, match, lidar_of(placed.scan), slip)
         is_certain = match.is_matched and match.position_std_m < FIRM_STD_M
@@ -189,23 +187,21 @@ class ScanTracker:
         self._predictor.add_match(placed, match)
         return match
 
-    def _observe_step(self, stamp_ns: int, match: ScanMatch, uses_odometry: bool) -> None:
-        """Note how well the step from the last scan to this one is known, before this one is added to the path."""
+    def _observe_step(self, stamp_ns: int, match: ScanMatch, uses_odometry: bool) -> Floats:
+        """Note how well the step from the last scan to this one is known; the scan is added to the path after that.
+
+        Returns the variances `(3,)` of x, y and yaw by which the robot may have slipped.
+        """
         elapsed_s = (stamp_ns - self.path.stamps_ns[-1]) * 1e-9
         if len(self.path) > 1 and not uses_odometry:
             self._gaps.add(elapsed_s, self.path.last_speed_mps, match)
-        travel_m = math.hypot(*se2.between(self.path.pose, match.pose)[:2].tolist())
-        self._open_stretches.add(travel_m, max(elapsed_s, 0.0), match, uses_odometry)
-
-    def _slip(self, stamp_ns: int, match: ScanMatch, uses_odometry: bool) -> Floats:
-        """Variances `(3,)` of x, y and yaw by which the robot may have slipped since the last scan."""
-        if not len(self.path):
-            return NO_SLIP
         step = se2.between(self.path.pose, match.pose)
-        if uses_odometry:
-            std = unscanned_std(step)
-            return std**2 if std.any() else NO_SLIP  # one array for the scans of a whole log
-        return slip_variances(step, (stamp_ns - self.path.stamps_ns[-1]) * 1e-9, match)
+        travel_m = math.hypot(*step[:2].tolist())
+        self._open_stretches.add(travel_m, max(elapsed_s, 0.0), match, uses_odometry)
+        if not uses_odometry:
+            return slip_variances(step, elapsed_s, match)
+        # One array for all short steps of a log
+        return NO_SLIP if travel_m < MIN_UNSCANNED_M else unscanned_std(step) ** 2
 
     def track_scan(self, placed: PlacedScan) -> PreparedScan:
         """Prepare and track a scan, and make it a key scan when one is due."""

@@ -13,7 +13,7 @@ from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.front_end import ScanMatch
 from gridslam.lidar_slam.key_scans import distribute_corrections
 from gridslam.lidar_slam.motion_prediction import MIN_TWIST_S
-from gridslam.lidar_slam.open_stretches import is_open
+from gridslam.lidar_slam.open_stretches import shows_distance
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -120,7 +120,7 @@ class TrackedPath:
 
     def open_ns(self) -> Ints:
         """First and last stamps `(k, 2)` of the parts of the path on which the scans do not show how far the robot moved."""
-        return self._stretches([is_open(match) for match in self._matches])
+        return self._stretches([not shows_distance(match) for match in self._matches])
 
     def trajectory(self) -> Trajectory:
         """The path over all scans, in the front end's frame."""
